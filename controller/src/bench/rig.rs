@@ -221,7 +221,6 @@ impl Shape {
             boot_timeout: Duration::from_secs(5),
             lock_timeout: Duration::from_secs(5),
             state_timeout: Duration::from_secs(5),
-            t_pdo_misses: 2,
             stop_together: false,
             spindle: None,
             shaper: Shaper::none(),
@@ -248,6 +247,7 @@ impl Shape {
                 .collect(),
             devices: (0..self.axes)
                 .map(|axis| layout::DeviceSpec {
+                    t_pdo_misses: 2,
                     name: format!("drive {axis}"),
                     bus: axis % self.buses,
                     device: self.device(axis),

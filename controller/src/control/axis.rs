@@ -1,5 +1,6 @@
 //! One axis in the cycle: planned position to increments, actual position back, following error.
 
+mod position_loop;
 mod sample;
 mod squaring;
 
@@ -15,8 +16,10 @@ use crate::machine::{AxisLimits, HomingMethod, Kept};
 use squaring::Squaring;
 use syncline_drives::model::{Increments, PowerCommand, Setpoint};
 
-/// Setpoints that are kept to look back by the drives' latency.
-const HISTORY: usize = 16;
+/// Setpoints that are kept to look back by the drives' latency, and for as long as a position may be missing.
+const HISTORY: usize = 64;
+/// Those whose speed counts for what a following error may be.
+const RECENT: u64 = 16;
 /// So many times its greatest velocity no axis moves, also not while it catches up.
 const JUMP: f64 = 1.5;
 
@@ -577,63 +580,6 @@ impl AxisControl {
         nodes[self.drive()].homes()
     }
 
-    /// How fast a side is sent to where it has to be: 0 for a drive that is sent positions.
-    ///
-    /// The velocity that the plan has on the way, led by the drive's lag, and what closes the loop about the
-    /// position. The last sample is compared with where the axis should have been at its SYNC; while the
-    /// next one is missing the axis is taken to go on as planned, which leaves their difference as it is.
-    /// When it is missing for longer the drive follows the plan alone.
-    fn velocity(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
-        let node = &nodes[self.spec.drives[side]];
-        let Some(dynamics) = node.dynamics() else {
-            return 0.0;
-        };
-        let [before, there] = [1.0, 0.0].map(|earlier| {
-            let planned = self.planned(cycle, node.delay() + earlier);
-            planned.of_side(side) + dynamics.lag * planned.velocity
-        });
-        let planned = (there - before) / self.period;
-        let error = if nodes[self.telling(side)].is_fresh() {
-            self.following_error(cycle - 1, side, nodes)
-        } else {
-            0.0
-        };
-        (node.scaling()).to_increments_per_second(planned + dynamics.gain * error)
-    }
-
-    /// What the plan has `behind` cycles before SYNC `cycle`, a part of a cycle included; the newest 16 are
-    /// kept.
-    fn planned(&self, cycle: u64, behind: f64) -> Planned {
-        let behind = behind.min((HISTORY - 2) as f64);
-        let whole = behind as u64;
-        let at = |behind: u64| self.planned[cycle.wrapping_sub(behind) as usize % HISTORY];
-        match behind - whole as f64 {
-            0.0 => at(whole),
-            part => at(whole + 1).towards(at(whole), 1.0 - part),
-        }
-    }
-
-    /// Where a side is in the plan's frame, mm; `cycle` is that of the last SYNC.
-    fn actual(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
-        if let Some(encoder) = self.loop_encoder() {
-            return nodes[encoder].actual_mm();
-        }
-        let node = &nodes[self.spec.drives[side]];
-        let act = (node.scaling()).to_mm(node.actual() - self.sides[side].offset);
-        act - OUTWARDS[side] * self.apart(cycle)
-    }
-
-    /// Where a side should have been at the SYNC of its last sample, mm; `cycle` is that of the last SYNC.
-    fn due(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
-        let age = nodes[self.telling(side)].age();
-        self.planned(cycle, self.lag + f64::from(age)).position
-    }
-
-    /// By how much a side was behind that, mm.
-    pub(super) fn following_error(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
-        self.due(cycle, side, nodes) - self.actual(cycle, side, nodes)
-    }
-
     /// What the axis did at SYNC `cycle`, which has just been answered by its T_PDOs. A drive whose
     /// T_PDO is missing is measured by the plan of its last one.
     pub(super) fn sample(&self, cycle: u64, nodes: &[DeviceNode]) -> AxisSample {
@@ -666,7 +612,7 @@ impl AxisControl {
     /// The greatest speed of the setpoints latched at SYNC `cycle` and lately before, mm/s: a following error
     /// decays later than the speed that it comes from.
     fn speed(&self, cycle: u64) -> f64 {
-        let steps = (1..HISTORY as u64).map(|back| {
+        let steps = (1..RECENT).map(|back| {
             let before = cycle.wrapping_sub(back);
             let [there, here] = [before.wrapping_add(1), before].map(|at| self.planned(at, 0.0));
             (there.position - here.position).abs()

@@ -39,8 +39,6 @@ pub struct Layout {
     pub lock_timeout: Duration,
     /// For a drive to reach the state that it was commanded to.
     pub state_timeout: Duration,
-    /// Cycles in a row without a drive's T_PDO that are a fault.
-    pub t_pdo_misses: u32,
     /// Where one axis is quick-stopped, all are.
     pub stop_together: bool,
     /// Cycles from the SYNC that latches a setpoint of the slowest drive until it is where it was sent to.
@@ -111,6 +109,8 @@ pub struct DeviceSpec {
     pub device: Device,
     /// Machine millimetres to increments, of what has a place on an axis.
     pub scaling: Scaling,
+    /// Cycles in a row without its T_PDO that are a fault.
+    pub t_pdo_misses: u32,
     /// Without a heartbeat for so long it is lost.
     pub heartbeat_timeout: Duration,
     /// Standing still is moving less than this.
@@ -231,6 +231,8 @@ impl Layout {
         let devices: Vec<DeviceSpec> = (machine.nodes().zip(devices).zip(latencies))
             .enumerate()
             .map(|(index, ((node, device), latency))| {
+                let loss = machine.position_loss(index);
+                let lost = loss.map(|loss| (loss.as_nanos() / machine.cycle.as_nanos()) as u32 + 1);
                 let scale = scale(machine, index, node.seat);
                 let scaling = scale.map_or(nowhere, |(scaling, _)| scaling);
                 let standstill = scale.map(|(scaling, window)| scaling.magnitude(window));
@@ -242,6 +244,7 @@ impl Layout {
                     delay: latency.map_or(0.0, |latency| lag - latency),
                     device,
                     scaling,
+                    t_pdo_misses: lost.unwrap_or(machine.controller.t_pdo_misses),
                     heartbeat_timeout: machine.controller.heartbeat_timeout,
                     standstill_window: standstill.unwrap_or_default(),
                     // The soft limits are within what it can count.
@@ -264,7 +267,6 @@ impl Layout {
             boot_timeout: controller.boot_timeout,
             lock_timeout: controller.sync_lock_timeout,
             state_timeout: controller.state_timeout,
-            t_pdo_misses: controller.t_pdo_misses,
             stop_together: controller.stop_together,
             lag,
             axes: (machine.axes.iter())

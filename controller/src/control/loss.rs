@@ -53,6 +53,19 @@ pub enum Compared {
     AtRest,
 }
 
+/// What becomes of an axis whose position is missing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Extrapolation {
+    /// The axis.
+    pub axis: AxisIndex,
+    /// For so long the axis is taken to go on as it is sent; what is missing then is a fault.
+    pub lasts: Duration,
+    /// By how much that may be wrong meanwhile, as velocities are sent in whole units of the drive, mm.
+    pub off: f64,
+    /// How far it goes meanwhile at its greatest velocity, mm.
+    pub unseen: f64,
+}
+
 /// A time as people read it.
 struct Millis(Duration);
 
@@ -78,7 +91,7 @@ impl Layout {
         // What was lost just behind its answer to a SYNC is missed from the next one on, each time within the cycle.
         let t_pdos = Notice {
             sign: Sign::TPdos,
-            within: self.cycle * (self.t_pdo_misses + 1),
+            within: self.cycle * (device.t_pdo_misses + 1),
         };
         let after = |sign| Notice {
             sign,
@@ -149,13 +162,50 @@ impl Layout {
     pub fn supervision(&self, device: DeviceIndex) -> String {
         let notices: Vec<String> = self.notices(device).map(|it| it.to_string()).collect();
         format!(
-            "{}: what it tells counts within {}; its loss shows by {}; {}{}",
+            "{}: what it tells counts within {}; its loss shows by {}; {}{}{}",
             self.who(device),
             Millis(self.tells_within()),
             notices.join(" or "),
             self.left_alone(device),
             self.compares(device).unwrap_or_default(),
+            self.extrapolates(device).unwrap_or_default(),
         )
+    }
+
+    /// What is made of a position that is missing, of a device by which the controller closes a loop.
+    fn extrapolates(&self, device: DeviceIndex) -> Option<String> {
+        let it = self.extrapolation(device)?;
+        let AxisSpec { name, unit, .. } = &self.axes[it.axis];
+        Some(format!(
+            "; while its position is missing, for up to {}, axis {name} is taken to go on as it is sent, at the most \
+             {:.4} {unit} off by the drive's unit of velocity, and goes up to {:.1} {unit} unseen",
+            Millis(it.lasts),
+            it.off,
+            it.unseen,
+        ))
+    }
+
+    /// For how long the position of an axis is extrapolated that a device tells and about which the controller closes a
+    /// loop, and what that leaves open; `None` where it is not.
+    #[must_use]
+    pub fn extrapolation(&self, device: DeviceIndex) -> Option<Extrapolation> {
+        let lasts = self.cycle * (self.devices[device].t_pdo_misses - 1);
+        let seconds = lasts.as_secs_f64();
+        let mut axes = self.axes.iter().enumerate();
+        axes.find_map(|(axis, spec)| {
+            let encoder = spec.feedback.filter(|it| it.closes_loop);
+            let tells = |&&drive: &&DeviceIndex| encoder.map_or(drive, |it| it.encoder) == device;
+            let drive = spec.drives.iter().find(tells)?;
+            let drive = &self.devices[*drive];
+            let dynamics = drive.device.drive()?.dynamics()?;
+            let quantum = dynamics.quantum * drive.scaling.resolution();
+            (!lasts.is_zero() && !spec.point_to_point).then_some(Extrapolation {
+                axis,
+                lasts,
+                off: 0.5 * quantum * seconds,
+                unseen: spec.limits.velocity * seconds,
+            })
+        })
     }
 
     /// What a device does when the controller dies.

@@ -453,7 +453,7 @@ impl DeviceNode {
             self.misses += 1;
             events(Event::MissedTPdo { device: self.index });
         }
-        if self.misses >= self.layout.t_pdo_misses {
+        if self.misses >= self.spec().t_pdo_misses {
             let misses = self.misses;
             return Err(self.fault(DeviceCause::MissingTPdo { misses }));
         }
@@ -479,7 +479,7 @@ impl DeviceNode {
     /// The fault of a drive that has answered no SYNC for as many cycles as are tolerated: what it said
     /// before is no longer true of it.
     pub(super) fn check_answers(&self) -> Result<(), Fault> {
-        if self.age < self.layout.t_pdo_misses {
+        if self.age < self.spec().t_pdo_misses {
             return Ok(());
         }
         let misses = self.age;
@@ -600,7 +600,7 @@ impl DeviceNode {
 
     /// Whether its position is young enough to be controlled by.
     pub(super) fn is_fresh(&self) -> bool {
-        self.age < self.layout.t_pdo_misses
+        self.age < self.spec().t_pdo_misses
     }
 
     /// Holds the drive where it is. One that follows its setpoints as soon as it is enabled is held

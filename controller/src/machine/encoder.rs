@@ -3,8 +3,8 @@
 
 use super::node::NodeTable;
 use super::read::unknown;
-use super::{Axis, Machine};
-use std::{ops::Range, path::Path};
+use super::{Axis, Machine, Motion};
+use std::{ops::Range, path::Path, time::Duration};
 use syncline_canopen::NodeId;
 use syncline_drives::model::{Assumed, Direction, Increments, Model, Scaling, Setpoints, Write};
 use syncline_strict_toml::{Log, Table};
@@ -253,6 +253,29 @@ pub(super) fn check(log: &mut Log<'_>, machine: &Machine, places: &[Range<usize>
                 format!("allowed: a `difference_limit` of more than {resolution} {unit}"),
             );
         }
+    }
+}
+
+impl Machine {
+    /// Whether the controller closes a position loop about an axis, by its index.
+    #[must_use]
+    pub fn closes_loop(&self, axis: usize) -> bool {
+        let axis = &self.axes[axis];
+        let mut drives = axis.drives.iter().map(|&drive| &self.drives[drive]);
+        axis.motion == Motion::Path && drives.any(|it| it.model.is_sent(Setpoints::Velocities))
+    }
+
+    /// For how long a device's position may be missing by which the controller closes a loop, where that is stated.
+    #[must_use]
+    pub fn position_loss(&self, device: usize) -> Option<Duration> {
+        self.axes.iter().find_map(|axis| {
+            let encoder = axis.feedback.filter(|feedback| feedback.closes_loop);
+            let tells = match encoder {
+                Some(feedback) => device == self.drives.len() + feedback.encoder,
+                None => axis.drives.contains(&device),
+            };
+            axis.position_loss.filter(|_| tells)
+        })
     }
 }
 

@@ -6,6 +6,7 @@ use std::ops::Range;
 use std::time::Duration;
 use syncline_drives::model::{self, Ability, Increments, Model, Monitoring, Scaling, Setpoints};
 use syncline_strict_toml::{Log, Table};
+use toml::Spanned;
 
 /// A key of an axis that asks its drives for an ability.
 pub(super) struct Asked {
@@ -251,6 +252,37 @@ pub(super) fn check_loops(log: &mut Log<'_>, machine: &Machine, places: &[Range<
                         cut the drive's power";
             log.report(place.clone(), problem, help);
         }
+    }
+}
+
+/// Cycles for which a position may be missing: the plan is kept for longer than that and the drives' latency.
+const MOST_LOST: u128 = 40;
+
+/// Whether each axis whose position may be missing has a loop of the controller's about it, and a plan to go on by. `stated`
+/// is what the file says, for each axis.
+pub(super) fn check_losses(log: &mut Log<'_>, machine: &Machine, stated: &[Option<Spanned<i64>>]) {
+    for (index, (axis, stated)) in machine.axes.iter().zip(stated).enumerate() {
+        let Some(stated) = stated else { continue };
+        let (name, ms) = (axis.name(), stated.get_ref());
+        let most = machine.cycle.as_nanos() * MOST_LOST / 1_000_000;
+        let (problem, help) = if !machine.closes_loop(index) {
+            let help =
+                "leave the key out: it is for an axis of the path whose drive is sent velocities";
+            (
+                "and no loop of the controller has it".to_owned(),
+                help.to_owned(),
+            )
+        } else if *ms as u128 > most {
+            let problem = format!(
+                "more than {MOST_LOST} cycles of {} µs",
+                machine.cycle.as_micros()
+            );
+            (problem, format!("allowed: 1…{most}"))
+        } else {
+            continue;
+        };
+        let problem = format!("axis \"{name}\": `position_loss_ms` is {ms}, {problem}");
+        log.report(stated.span(), problem, help);
     }
 }
 

@@ -204,6 +204,9 @@ pub struct Axis {
     /// `unsupervised_stop = "hardware"`: the enable chain stops its drives where the controller dies and they
     /// do not notice.
     pub hardware_stops: bool,
+    /// `position_loss_ms`: its position may be missing for so long, where the controller closes a loop about it; `None`:
+    /// as long as any T_PDO may.
+    pub position_loss: Option<Duration>,
     /// What its drives move when they are simulated; `None`: what each drive's model has.
     pub simulation: Option<Simulation>,
 }

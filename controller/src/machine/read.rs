@@ -212,6 +212,7 @@ impl Tables {
         let io_nodes = self.io_nodes.into_iter().zip(io_buses);
         let io_nodes: Vec<_> = io_nodes.map(|(io, bus)| io.join(bus)).collect();
         let motions: Vec<_> = self.axes.iter().map(|axis| axis.motion.clone()).collect();
+        let losses: Vec<_> = (self.axes.iter().map(|it| it.position_loss.clone())).collect();
         let (mut axes, homings): (Vec<_>, Vec<_>) = self
             .axes
             .into_iter()
@@ -280,6 +281,7 @@ impl Tables {
         fits::settle_motions(log, &mut machine, &motions, &named);
         encoder::check(log, &machine, &stated);
         fits::check_loops(log, &machine, &named);
+        fits::check_losses(log, &machine, &losses);
         fits::check_counts(log, &machine, &named);
         fits::check_setpoints(log, &machine, &named);
         Some(machine)
@@ -591,6 +593,7 @@ struct AxisTable {
     homing: Option<HomingTable>,
     feedback: Option<FeedbackTable>,
     hardware_stops: bool,
+    position_loss: Option<Spanned<i64>>,
     /// And where the file says so.
     motion: Option<(Motion, Range<usize>)>,
     simulation: Option<Simulation>,
@@ -673,6 +676,7 @@ impl AxisTable {
         let feedback = FeedbackTable::read(log, &mut table, position);
         let stops = ["hardware"].into_iter();
         let hardware_stops = table.choice_if(log, "unsupervised_stop", stops).is_some();
+        let position_loss = table.integer_if(log, "position_loss_ms", 1..=1000, " (ms)");
         let motion = fits::motion(log, &mut table);
         let simulation = simulation::read(log, &mut table, rotary, pair);
         if let (Some(pitch), true) = (&pitch, log.is_empty())
@@ -698,6 +702,7 @@ impl AxisTable {
             homing,
             feedback,
             hardware_stops,
+            position_loss,
             motion,
             simulation,
         })
@@ -728,6 +733,8 @@ impl AxisTable {
                 closes_loop: table.closes_loop.is_some(),
             }),
             hardware_stops: self.hardware_stops,
+            position_loss: (self.position_loss)
+                .map(|ms| Duration::from_millis(ms.into_inner() as u64)),
             motion: Motion::Path,
             simulation: self.simulation,
         };

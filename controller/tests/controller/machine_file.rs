@@ -1003,6 +1003,37 @@ function = "enable_chain"
 
 /// A drive that takes no part in SYNC and does not notice a controller that dies has to have both made up for.
 #[test]
+fn a_position_may_be_missing_where_the_controller_closes_a_loop_by_it() {
+    let of = |model: &str, ms: u32| {
+        let text = portal_with(
+            "node = 3\nmodel = \"lxm32m\"",
+            &format!("node = 3\nmodel = \"{model}\""),
+        );
+        let text = text
+            .replace("drive_following_error = true\n", "")
+            .replace("drive_soft_limits = true\n", "");
+        let axis = "[[axis]]\nname = \"Y\"\n";
+        assert!(text.contains(axis));
+        let stated = format!("{axis}position_loss_ms = {ms}\n");
+        parse(&text.replacen(axis, &stated, 1)).map_err(|wrong| wrong.to_string())
+    };
+    for model in ["tlc5xx", "cia402_csv", "cia402_pv"] {
+        let machine = of(model, 80).unwrap();
+        assert_eq!(machine.position_loss(2), Some(Duration::from_millis(80)));
+        assert_eq!(
+            [0, 1, 3].map(|drive| machine.position_loss(drive)),
+            [None; 3]
+        );
+        let wrong = of(model, 81).unwrap_err();
+        let told = "axis \"Y\": `position_loss_ms` is 81, more than 40 cycles of 2000 µs";
+        assert!(wrong.contains(told), "{wrong}");
+    }
+    let wrong = of("lxm32m", 20).unwrap_err();
+    let told = "axis \"Y\": `position_loss_ms` is 20, and no loop of the controller has it";
+    assert!(wrong.contains(told), "{wrong}");
+}
+
+#[test]
 fn a_stepper_is_sent_velocities_only_where_something_stops_it() {
     let parsed = |changes: &[(&str, &str)]| {
         let mut text = portal_with("[[axis]]\nname = \"Z\"\n", ENCODER);

@@ -145,6 +145,8 @@ pub struct Dynamics {
     pub lag: f64,
     /// Gain of the controller's position loop, 1/s.
     pub gain: f64,
+    /// The smallest difference of two velocities that it is sent, increments/s.
+    pub quantum: f64,
 }
 
 impl Dynamics {

@@ -169,6 +169,7 @@ impl Tlc5xx {
                 lag,
                 // From a sample to the middle of the cycle in which it takes effect are one and a half.
                 gain: Dynamics::gain(lag + delay + 1.5 * cycle),
+                quantum: units.recip(),
             },
             remote: assumed.value(&REMOTE),
             targets: settings.point_to_point.then(Targets::default),

@@ -128,6 +128,8 @@ impl Tsp10 {
                 lag: 0.0,
                 // From a sample to the middle of the cycle in which it takes effect.
                 gain: Dynamics::gain(delay + 1.5 * cycle),
+                // Steps/s.
+                quantum: 1.0,
             },
             state: None,
             targets: settings.point_to_point.then(Targets::default),

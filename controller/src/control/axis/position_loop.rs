@@ -1,0 +1,72 @@
+//! The loop about the position of an axis whose drive is sent velocities, and what every axis is measured by: where it was
+//! planned to be when it was last seen.
+
+use super::super::node::DeviceNode;
+use super::{AxisControl, HISTORY, OUTWARDS, Planned};
+
+impl AxisControl {
+    /// How fast a side is sent to where it has to be: 0 for a drive that is sent positions.
+    ///
+    /// The velocity that the plan has on the way, led by the drive's lag, and what closes the loop about the
+    /// position. The last sample is compared with where the axis should have been at its SYNC. While the
+    /// next one is missing the axis is taken to go on as it is sent, which takes the loop's share off their difference
+    /// in each cycle. When it is missing for longer than it may the drive follows the plan alone.
+    pub(super) fn velocity(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
+        let node = &nodes[self.spec.drives[side]];
+        let Some(dynamics) = node.dynamics() else {
+            return 0.0;
+        };
+        let [before, there] = [1.0, 0.0].map(|earlier| {
+            let planned = self.planned(cycle, node.delay() + earlier);
+            planned.of_side(side) + dynamics.lag * planned.velocity
+        });
+        let planned = (there - before) / self.period;
+        let telling = &nodes[self.telling(side)];
+        let left = 1.0 - dynamics.gain * self.period;
+        let error = if telling.is_fresh() {
+            let seen = self.following_error(cycle - 1, side, nodes);
+            (0..telling.age()).fold(seen, |error, _| error * left)
+        } else {
+            0.0
+        };
+        (node.scaling()).to_increments_per_second(planned + dynamics.gain * error)
+    }
+
+    /// What the plan has `behind` cycles before SYNC `cycle`, a part of a cycle included; the newest 64 are
+    /// kept.
+    pub(super) fn planned(&self, cycle: u64, behind: f64) -> Planned {
+        let behind = behind.min((HISTORY - 2) as f64);
+        let whole = behind as u64;
+        let at = |behind: u64| self.planned[cycle.wrapping_sub(behind) as usize % HISTORY];
+        match behind - whole as f64 {
+            0.0 => at(whole),
+            part => at(whole + 1).towards(at(whole), 1.0 - part),
+        }
+    }
+
+    /// Where a side is in the plan's frame, mm; `cycle` is that of the last SYNC.
+    pub(super) fn actual(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
+        if let Some(encoder) = self.loop_encoder() {
+            return nodes[encoder].actual_mm();
+        }
+        let node = &nodes[self.spec.drives[side]];
+        let act = (node.scaling()).to_mm(node.actual() - self.sides[side].offset);
+        act - OUTWARDS[side] * self.apart(cycle)
+    }
+
+    /// Where a side should have been at the SYNC of its last sample, mm; `cycle` is that of the last SYNC.
+    pub(super) fn due(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
+        let age = nodes[self.telling(side)].age();
+        self.planned(cycle, self.lag + f64::from(age)).position
+    }
+
+    /// By how much a side was behind that, mm.
+    pub(in crate::control) fn following_error(
+        &self,
+        cycle: u64,
+        side: usize,
+        nodes: &[DeviceNode],
+    ) -> f64 {
+        self.due(cycle, side, nodes) - self.actual(cycle, side, nodes)
+    }
+}
