@@ -5,7 +5,7 @@ use std::fs;
 use syncline_canopen::Address;
 use syncline_canopen::eds::{Access, Eds, Value};
 use syncline_controller::machine::{Machine, MachineError};
-use syncline_drives::dictionary::CIA402_CSP;
+use syncline_drives::dictionary::{CIA402_CSP, CIA406};
 use tempfile::TempDir;
 
 const MACHINE: &str = include_str!("../../../examples/described/machine.toml");
@@ -230,6 +230,53 @@ const POSITIONS: [bool; 3] = [true, false, false];
 const VELOCITIES: [bool; 3] = [false, true, true];
 const CYCLIC: [bool; 3] = [true, true, false];
 
+/// The same of an encoder with all of them.
+const USED_OF_ENCODER: &[(u16, u8, &str)] = &[
+    (0x1000, 0, "r"),
+    (0x1017, 0, "rw"),
+    (0x1800, 1, "rw"),
+    (0x1800, 2, "rw"),
+    (0x1803, 1, "rw"),
+    (0x1A00, 0, "rw"),
+    (0x1A00, 1, "rw"),
+    (0x6000, 0, "rw"),
+    (0x6004, 0, "T"),
+    (0x6501, 0, "r"),
+    (0x6502, 0, "r"),
+];
+
+/// The example with an encoder that watches X, described by these keys and this data sheet.
+fn load_encoder(keys: &str, eds: &Eds) -> Result<Machine, String> {
+    let folder = TempDir::new().unwrap();
+    let write = |name, text: &str| fs::write(folder.path().join(name), text).unwrap();
+    write("servo.toml", SERVO);
+    write("servo.eds", SHEET);
+    let text = "name = \"whole\"\ngeneric = \"cia406\"\neds = \"scale.eds\"\n";
+    write("scale.toml", &format!("{text}{keys}"));
+    write("scale.eds", &eds.to_string());
+    let encoder = "[[encoder]]\nname = \"scale\"\nbus = \"table\"\nnode = 9\nmodel = \"scale.toml\"\npitch = 10.0\n";
+    let watched = "drive_soft_limits = true\nfeedback = \"scale\"\ndifference_limit = 0.2\n";
+    let machine = MACHINE.replacen("drive_soft_limits = true\n", watched, 1) + encoder;
+    let loaded = Machine::parse(&folder.path().join("machine.toml"), &machine);
+    loaded.map_err(|wrong| wrong.to_string())
+}
+
+#[test]
+fn an_encoder_is_what_its_files_say() {
+    let eds = Eds::of(CIA406);
+    let machine = load_encoder("", &eds).unwrap();
+    let encoder = &machine.encoders[0];
+    assert_eq!((encoder.model.title, encoder.model.maker), ("whole", None));
+    assert_eq!(encoder.scaling.to_revolutions(8192.into()), 1.0);
+    for (keys, told) in [
+        ("vendor_id = 7\n", "1018h:1 (Vendor ID) is 0h, not 7h"),
+        ("tells_following = 0\n", "unknown key `tells_following`"),
+    ] {
+        let wrong = load_encoder(keys, &eds).map(|_| ()).unwrap_err();
+        assert!(wrong.contains(told), "{told}\n{wrong}");
+    }
+}
+
 /// Objects without which a drive has one ability less, which nobody has to ask of it.
 const OPTIONAL: [u16; 2] = [0x6065, 0x607D];
 
@@ -424,6 +471,49 @@ proptest! {
             (Err(told), Some(place)) => prop_assert!(told.contains(&place), "{}: {}", place, told),
             (loaded, place) => panic!("{:?}, {place:?}", loaded.map(|_| ())),
         }
+    }
+
+    /// The same of an encoder: a data sheet in which one object that is used is not as it has to be is refused by its name.
+    #[test]
+    fn a_data_sheet_of_an_encoder_that_lacks_one_thing_is_refused_by_the_objects_name(
+        (index, sub, uses) in prop::sample::select(USED_OF_ENCODER),
+        breach in 0..5u8,
+    ) {
+        let mut eds = Eds::of(CIA406);
+        let object = eds.objects.get_mut(&index).unwrap();
+        let parameter = object.subs.get_mut(&sub).unwrap();
+        let does = |what| uses.contains(what);
+        let told = match breach {
+            0 => "is not there",
+            1 => {
+                parameter.data_type = 0x1B;
+                parameter.default = None;
+                (parameter.low, parameter.high) = (None, None);
+                "is of type"
+            }
+            2 if does('w') => {
+                parameter.access = Access::Ro;
+                "cannot be written"
+            }
+            3 if does('r') => {
+                parameter.access = Access::Wo;
+                "cannot be read"
+            }
+            4 if does('T') => {
+                parameter.pdo_mapping = false;
+                "cannot be mapped into a T_PDO"
+            }
+            _ => return Ok(()),
+        };
+        if breach == 0 {
+            object.subs.remove(&sub);
+            if object.subs.is_empty() {
+                eds.objects.remove(&index);
+            }
+        }
+        let wrong = load_encoder("", &eds).map(|_| ()).unwrap_err();
+        let name = format!("{index:04X}h:{sub:X}");
+        prop_assert!(wrong.contains("encoder \"scale\"") && wrong.contains(&name) && wrong.contains(told), "{name} {told}\n{wrong}");
     }
 
     /// Whatever stands in a data sheet, nothing panics.

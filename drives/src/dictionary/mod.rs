@@ -2,6 +2,7 @@
 
 mod cia401;
 mod cia402_csp;
+mod cia406;
 mod lxm32m;
 mod tlc5xx;
 mod tsp10;
@@ -9,6 +10,7 @@ mod twk_crn;
 
 pub use cia401::CIA401;
 pub use cia402_csp::CIA402_CSP;
+pub use cia406::CIA406;
 pub use lxm32m::LXM32M;
 pub use tlc5xx::{PRINTED as TLC5XX_PRINTED, TLC5XX};
 pub use tsp10::TSP10;

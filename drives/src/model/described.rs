@@ -29,10 +29,10 @@ type Known = (Description, &'static str, &'static Model);
 static KNOWN: Mutex<Vec<Known>> = Mutex::new(Vec::new());
 
 impl Model {
-    /// Whether a description may have this model behind it: a drive of whoever follows the profile.
+    /// Whether a description may have this model behind it: a drive or an encoder of whoever follows the profile.
     #[must_use]
     pub fn is_generic(&self) -> bool {
-        self.is_drive() && self.maker.is_none() && self.generic.is_none()
+        !self.is_io() && self.maker.is_none() && self.generic.is_none()
     }
 
     /// The model that a description states, with this generic one behind it.
@@ -184,6 +184,10 @@ fn uses(device: &Device) -> BTreeMap<Address, Uses> {
     }
     for (address, _) in written {
         uses.entry(address).or_default().written = true;
+    }
+    for write in &spec.ensured {
+        let used = uses.entry(write.address).or_default();
+        (used.read, used.written) = (true, true);
     }
     for write in &spec.read_back {
         uses.entry(write.address).or_default().read = true;

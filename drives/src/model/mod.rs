@@ -19,6 +19,7 @@ mod capture;
 mod cia401;
 mod cia402_csp;
 mod cia402_csv;
+mod cia406;
 mod described;
 mod drive;
 mod feedback;
@@ -63,6 +64,7 @@ pub static MODELS: &[&Model] = &[
     &twk_crn::TWK_CRN,
     &tlc5xx::TLC5XX,
     &cia401::CIA401,
+    &cia406::CIA406,
     &tsp10::TSP10,
 ];
 
@@ -116,10 +118,10 @@ pub struct Model {
 /// How a device of a model is made, by what it does for a machine.
 #[derive(Clone, Copy, Debug)]
 pub enum Make {
-    /// It moves an axis, and is sent this in every cycle. The model is the one whose device is made.
+    /// It moves an axis, and is sent this in every cycle. The model, here and below, is the one whose device is made.
     Drive(Setpoints, fn(&'static Model, &Settings) -> Box<dyn Drive>),
     /// It tells where something is, and no more.
-    Encoder(fn(&Settings) -> Arc<dyn Feedback>),
+    Encoder(fn(&'static Model, &Settings) -> Arc<dyn Feedback>),
     /// It has inputs and outputs, and no more.
     Io(fn(&Settings) -> Box<dyn IoNode>),
 }
@@ -245,7 +247,7 @@ impl Model {
     pub fn device(&'static self, settings: &Settings) -> Device {
         match self.make {
             Make::Drive(_, make) => Device::Drive(make(self, settings)),
-            Make::Encoder(make) => Device::Encoder(make(settings)),
+            Make::Encoder(make) => Device::Encoder(make(self, settings)),
             Make::Io(make) => Device::Io(make(settings)),
         }
     }

@@ -49,7 +49,7 @@ pub(super) static TWK_CRN: Model = Model {
     captures: &[],
     homing_methods: &[],
     torque_limit: None,
-    make: Make::Encoder(|settings| Arc::new(TwkCrn::new(settings))),
+    make: Make::Encoder(|_, settings| Arc::new(TwkCrn::new(settings))),
 };
 
 const STEPS_PER_TURN: Assumption = Assumption {

@@ -4,6 +4,7 @@
 //! - [`TWINS`]: all of them, by the name of the model that each stands for
 //! - [`lxm32m`]: the Lexium 32M
 //! - [`cia402_csp`]: a drive by the profile alone, sent positions or velocities
+//! - [`cia406`]: an absolute encoder by the profile alone
 //! - [`twk_crn`]: the absolute encoder TWK CRN
 //! - [`tlc5xx`]: the positioning controller Twin Line TLC53x
 //! - [`tsp10`]: the stepper controller TSP10-CBE
@@ -23,6 +24,7 @@
 pub mod cia401;
 pub mod cia402;
 pub mod cia402_csp;
+pub mod cia406;
 pub mod device;
 pub mod lxm32m;
 pub mod node;
@@ -46,6 +48,7 @@ pub static TWINS: &[&Kind] = &[
     &tlc5xx::KIND,
     &tsp10::KIND,
     &cia401::KIND,
+    &cia406::KIND,
 ];
 
 impl Kind {

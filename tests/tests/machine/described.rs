@@ -316,9 +316,10 @@ fn another_makers_drive_is_refused() {
 
 // --- they are sent velocities ---
 
-const MODELS: [(&str, &str); 2] = [
+const MODELS: [(&str, &str); 3] = [
     ("model = \"wheel.toml\"", "wheel"),
     ("model = \"inverter.toml\"", "inverter"),
+    ("model = \"scale.toml\"", "scale"),
 ];
 
 /// The example whose drives are sent velocities.

@@ -12,6 +12,7 @@ mod consoles;
 mod corpus;
 mod day;
 mod described;
+mod described_encoder;
 mod driven_spindle;
 mod faults;
 mod feed_axes;

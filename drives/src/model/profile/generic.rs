@@ -1,4 +1,5 @@
-//! What generic drives of CiA 402 have in common, whatever they are sent: who they are, and a set-up of one PDO each way.
+//! What generic devices have in common: who made them, and PDOs that they have or do not have. Of drives of CiA 402, whatever
+//! they are sent, their whole set-up with one PDO each way.
 //!
 //! Positions are encoder increments at the motor's shaft. What a drive does not have of the profile, or does in another
 //! way, is an [`Assumption`].
@@ -128,13 +129,7 @@ fn identity(assumed: &Assumed, kind: Kind) -> Vec<Identity> {
     let mode = 1 << (kind.mode - 1);
     // What stands above CiA 402 tells a servo from other drives.
     let mut identity = vec![reads(0x1000, 0, "device type", 402).in_bits(0xFFFF)];
-    for (sub, name, assumption) in [
-        (1, "vendor ID", &VENDOR_ID),
-        (2, "product code", &PRODUCT_CODE),
-    ] {
-        let value = assumed.value(assumption);
-        identity.extend((value != 0).then(|| reads(0x1018, sub, name, value)));
-    }
+    identity.extend(maker(assumed));
     identity.push(reads(0x6502, 0, "supported drive modes", mode).in_bits(mode));
     if assumed.value(&HAS_RESOLUTION) != 0 {
         let encoder_increments = assumed.value(&ENCODER_INCREMENTS);
@@ -146,17 +141,44 @@ fn identity(assumed: &Assumed, kind: Kind) -> Vec<Identity> {
         ]);
     }
     if is_mapped_by_the_maker(assumed) {
-        for (index, mapped) in mapping(assumed, kind) {
-            identity.push(reads(index, 0, "mapped objects", 2));
-            for (sub, object) in (1..).zip(mapped) {
-                identity.push(reads(index, sub, "mapped object", object));
-            }
+        for (index, objects) in mapping(assumed, kind) {
+            identity.extend(mapped(index, &objects));
         }
     }
     identity
 }
 
-fn is_mapped_by_the_maker(assumed: &Assumed) -> bool {
+/// Who made it and what it is, where that is stated.
+pub(in crate::model) fn maker(assumed: &Assumed) -> impl Iterator<Item = Identity> {
+    let stated = [
+        (1, "vendor ID", &VENDOR_ID),
+        (2, "product code", &PRODUCT_CODE),
+    ];
+    let stated = stated.map(|(sub, name, it)| Identity::new(0x1018, sub, name, assumed.value(it)));
+    stated.into_iter().filter(|it| it.value != 0)
+}
+
+/// What tells a PDO that the maker has mapped so.
+pub(in crate::model) fn mapped(index: u16, objects: &[u32]) -> Vec<Identity> {
+    let count = objects.len() as u32;
+    let mut identity = vec![Identity::new(index, 0, "mapped objects", count)];
+    for (sub, object) in (1..).zip(objects) {
+        identity.push(Identity::new(index, sub, "mapped object", *object));
+    }
+    identity
+}
+
+/// Maps a PDO that is off.
+pub(in crate::model) fn map(index: u16, objects: &[u32]) -> Vec<Write> {
+    let mut writes = vec![Write::new(index, 0, Data::u8(0))];
+    for (sub, object) in (1..).zip(objects) {
+        writes.push(Write::new(index, sub, Data::u32(*object)));
+    }
+    writes.push(Write::new(index, 0, Data::u8(objects.len() as u8)));
+    writes
+}
+
+pub(in crate::model) fn is_mapped_by_the_maker(assumed: &Assumed) -> bool {
     assumed.value(&FIXED_MAPPING) != 0
 }
 
@@ -182,13 +204,39 @@ fn mapping(assumed: &Assumed, kind: Kind) -> [(u16, [u32; 2]); 2] {
     ]
 }
 
-/// The COB-IDs of the PDOs behind the first `reached` in the block from `first` on that a data sheet has on after power-on.
-fn others_on(
+/// The COB-ID of a T_PDO that is on. It is not to be asked for by remote requests, which many devices do not know.
+pub(in crate::model) fn t_pdo_word(number: u8, node: NodeId) -> u32 {
+    CobIdWord::valid(CobId::t_pdo(number, node)).0 | CobIdWord::NO_RTR
+}
+
+fn off(word: u32) -> Data {
+    Data::u32(word | CobIdWord::INVALID)
+}
+
+/// Switches off every T_PDO, of which `used` is one.
+pub(in crate::model) fn t_pdos_off(
+    model: &'static Model,
+    node: NodeId,
+    assumed: &Assumed,
+    used: u8,
+) -> Vec<Write> {
+    let reached = number(assumed, &PDOS).max(used);
+    let known = (1..=reached).map(|n| {
+        let word = off(t_pdo_word(n, node));
+        Write::new(parameter(0x1800, n), 1, word)
+    });
+    known
+        .chain(others_off(model, node, 0x1800, reached))
+        .collect()
+}
+
+/// Switches off the PDOs behind the first `reached` in the block from `first` on that a data sheet has on after power-on.
+fn others_off(
     model: &'static Model,
     node: NodeId,
     first: u16,
     reached: u8,
-) -> impl Iterator<Item = (Address, u32)> {
+) -> impl Iterator<Item = Write> {
     let rows = model.generic.map_or(&[][..], |_| model.dictionary);
     let behind = first + u16::from(reached)..first + 0x200;
     rows.iter()
@@ -199,12 +247,15 @@ fn others_on(
                 Preset::PlusNode(word) => word as u32 + u32::from(node.get()),
                 Preset::Bytes(_) | Preset::Unknown => return None,
             };
-            CobIdWord(word).is_valid().then_some((row.address, word))
+            let Address { index, sub } = row.address;
+            CobIdWord(word)
+                .is_valid()
+                .then(|| Write::new(index, sub, off(word)))
         })
 }
 
 /// The number of a PDO, 1…4.
-fn number(assumed: &Assumed, assumption: &Assumption) -> u8 {
+pub(in crate::model) fn number(assumed: &Assumed, assumption: &Assumption) -> u8 {
     assumed.value(assumption) as u8
 }
 
@@ -214,21 +265,11 @@ fn setup(model: &'static Model, settings: &Settings, kind: Kind, own: Vec<Write>
     let w = Write::new;
     let [r_pdo, t_pdo, pdos] = [&R_PDO, &T_PDO, &PDOS].map(|pdo| number(assumed, pdo));
     let r_pdo_word = |n| CobIdWord::valid(CobId::r_pdo(n, node)).0;
-    // Not to be asked for by remote requests, which many devices do not know.
-    let t_pdo_word = |n| CobIdWord::valid(CobId::t_pdo(n, node)).0 | CobIdWord::NO_RTR;
-    let off = |word| Data::u32(word | CobIdWord::INVALID);
-
-    let mut setup = Vec::new();
-    for n in 1..=pdos.max(r_pdo) {
-        setup.push(w(parameter(0x1400, n), 1, off(r_pdo_word(n))));
-    }
-    for n in 1..=pdos.max(t_pdo) {
-        setup.push(w(parameter(0x1800, n), 1, off(t_pdo_word(n))));
-    }
-    for (first, reached) in [(0x1400, pdos.max(r_pdo)), (0x1800, pdos.max(t_pdo))] {
-        let others = others_on(model, node, first, reached);
-        setup.extend(others.map(|(it, word)| w(it.index, it.sub, off(word))));
-    }
+    let reached = pdos.max(r_pdo);
+    let r_pdos = (1..=reached).map(|n| w(parameter(0x1400, n), 1, off(r_pdo_word(n))));
+    let mut setup: Vec<Write> = r_pdos.collect();
+    setup.extend(others_off(model, node, 0x1400, reached));
+    setup.extend(t_pdos_off(model, node, assumed, t_pdo));
     setup.push(w(0x6040, 0, Data::u16(0)));
     setup.push(w(0x6040, 0, Data::u16(0x80))); // Fault Reset
     setup.push(w(0x6060, 0, Data::u8(kind.mode)));
@@ -237,23 +278,21 @@ fn setup(model: &'static Model, settings: &Settings, kind: Kind, own: Vec<Write>
     let mapping = mapping(assumed, kind).into_iter();
     for (index, mapped) in mapping.filter(|_| !is_mapped_by_the_maker(assumed)) {
         let torque = index == parameter(0x1A00, t_pdo) && tells_torque(settings);
-        let objects = mapped.into_iter().chain(torque.then_some(0x6077_0010));
-        let objects = (1..).zip(objects);
-        setup.push(w(index, 0, Data::u8(0)));
-        setup.extend(objects.map(|(sub, object)| w(index, sub, Data::u32(object))));
-        setup.push(w(index, 0, Data::u8(if torque { 3 } else { 2 })));
+        let torque = torque.then_some(0x6077_0010);
+        let objects: Vec<u32> = mapped.into_iter().chain(torque).collect();
+        setup.extend(map(index, &objects));
     }
     let (receive, transmit) = (parameter(0x1400, r_pdo), parameter(0x1800, t_pdo));
     setup.push(w(receive, 2, Data::u8(1))); // at every SYNC
     setup.push(w(transmit, 2, Data::u8(1)));
     setup.push(w(receive, 1, Data::u32(r_pdo_word(r_pdo))));
-    setup.push(w(transmit, 1, Data::u32(t_pdo_word(t_pdo))));
+    setup.push(w(transmit, 1, Data::u32(t_pdo_word(t_pdo, node))));
     setup.extend(communication::heartbeats(&settings.heartbeat));
     setup
 }
 
 /// The index of PDO `n`'s object in the block that begins with PDO 1's.
-const fn parameter(first: u16, n: u8) -> u16 {
+pub(in crate::model) const fn parameter(first: u16, n: u8) -> u16 {
     first + n as u16 - 1
 }
 

@@ -3,7 +3,7 @@
 //!
 //! - `communication`: set-up that CiA 301 has for every device
 //! - `cia402`: drives
-//! - `generic`: drives of whatever maker, by the profile alone
+//! - `generic`: devices of whatever maker, by the profile alone
 
 pub(super) mod cia402;
 pub(super) mod communication;

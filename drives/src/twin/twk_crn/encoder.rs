@@ -2,10 +2,10 @@
 
 use super::fault::{EncoderError, Errors};
 use super::policy::{Policies, Texts};
-use super::position::{Measure, work_area};
 use super::{Commissioned, TwinConfig, Version};
 use crate::bus::BitRate;
 use crate::mechanics::rigid::Rigid;
+use crate::twin::cia406::position::{Measure, work_area};
 use crate::twin::node::Tampering;
 use crate::twin::servo::shaft::Shaft;
 use syncline_canopen::dictionary::{Dictionary, Row};

@@ -31,7 +31,6 @@ mod application;
 mod encoder;
 mod fault;
 mod policy;
-mod position;
 
 pub use fault::EncoderError;
 pub use policy::{Policies, Texts};

@@ -1,18 +1,17 @@
 //! From the shaft to the position value 6004h: code sequence, scaling, preset, work area.
 //!
-//! The manual prints no formula. With `r` physical steps per turn and 4096 turns the disc reads a
-//! raw value of 0…4096 r - 1; the code sequence CCW mirrors it; scaling makes of it
+//! No manual prints a formula. With `r` physical steps per turn and `t` turns the disc reads a
+//! raw value of 0…t r - 1; the code sequence CCW mirrors it; scaling makes of it
 //! `floor(raw u / r) mod m` with `u` steps per turn (6001h) and a range of `m` steps (6002h); the
-//! preset's offset is added modulo `m`. Where `m / u` is a power of two up to 4096 the value turns
-//! over without a jump, as the manual demands of endless turning (crn S32, S40); elsewhere it jumps
-//! where the raw value turns over, as the manual's example with 3600 steps does.
+//! preset's offset is added modulo `m`. Where `m / u` is a power of two up to `t` the value turns
+//! over without a jump, as the TWK CRN's manual demands of endless turning (crn S32, S40); elsewhere it jumps
+//! where the raw value turns over, as that manual's example with 3600 steps does.
 
-use crate::dictionary::TWK_CRN_TURNS;
 use syncline_canopen::dictionary::Dictionary;
 
 /// Bits of 6000h (crn S25).
-pub(super) const COUNTER_CLOCKWISE: u16 = 1 << 0;
-pub(super) const SCALING: u16 = 1 << 2;
+pub(in crate::twin) const COUNTER_CLOCKWISE: u16 = 1 << 0;
+pub(in crate::twin) const SCALING: u16 = 1 << 2;
 
 /// Bits of 6400h:1 (crn S41).
 const OUT_OF_RANGE: u8 = 1 << 0;
@@ -21,23 +20,26 @@ const UNDERFLOW: u8 = 1 << 2;
 
 /// What makes a position value of a raw one: 6000h, 6001h, 6002h.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Measure {
+pub(in crate::twin) struct Measure {
     /// Physical steps per turn.
-    pub(super) resolution: u32,
+    pub(in crate::twin) resolution: u32,
+    /// Turns that it tells apart, above zero.
+    pub(in crate::twin) turns: u32,
     /// 6000h.
-    pub(super) parameters: u16,
+    pub(in crate::twin) parameters: u16,
     /// 6001h, in effect while 6000h says so.
-    pub(super) units: u32,
+    pub(in crate::twin) units: u32,
     /// 6002h, in effect while 6000h says so.
-    pub(super) range: u32,
+    pub(in crate::twin) range: u32,
 }
 
 impl Measure {
     /// As the objects have it.
-    pub(super) fn of(objects: &Dictionary) -> Self {
+    pub(in crate::twin) fn of(objects: &Dictionary) -> Self {
         let value = |index| objects.value(index, 0).unwrap_or(0);
         Self {
             resolution: value(0x6501) as u32,
+            turns: value(0x6502) as u32,
             parameters: value(0x6000) as u16,
             units: value(0x6001) as u32,
             range: value(0x6002) as u32,
@@ -46,11 +48,11 @@ impl Measure {
 
     /// Physical steps in all.
     fn whole(&self) -> u64 {
-        u64::from(self.resolution) * u64::from(TWK_CRN_TURNS)
+        u64::from(self.resolution) * u64::from(self.turns)
     }
 
     /// Steps after which the value begins anew, at least 1.
-    pub(super) fn modulus(&self) -> u64 {
+    pub(in crate::twin) fn modulus(&self) -> u64 {
         match self.parameters & SCALING {
             0 => self.whole(),
             _ => u64::from(self.range.max(1)),
@@ -59,9 +61,9 @@ impl Measure {
 
     /// The value without a preset of a shaft that stands at so many revolutions from the disc's
     /// zero; positive ones turn clockwise, seen looking at the shaft.
-    pub(super) fn unshifted(&self, revolutions: f64) -> u64 {
+    pub(in crate::twin) fn unshifted(&self, revolutions: f64) -> u64 {
         // A disc knows nothing beyond its turns, and no number is too great to be cut to them.
-        let turns = revolutions.rem_euclid(f64::from(TWK_CRN_TURNS));
+        let turns = revolutions.rem_euclid(f64::from(self.turns));
         let raw = (turns * f64::from(self.resolution)) as u64 % self.whole();
         let raw = match self.parameters & COUNTER_CLOCKWISE {
             0 => raw,
@@ -75,19 +77,19 @@ impl Measure {
     }
 
     /// The offset that makes `preset` of the value without one (crn S40).
-    pub(super) fn offset(&self, unshifted: u64, preset: u32) -> u64 {
+    pub(in crate::twin) fn offset(&self, unshifted: u64, preset: u32) -> u64 {
         let modulus = self.modulus();
         (u64::from(preset) % modulus + modulus - unshifted % modulus) % modulus
     }
 
     /// The position value.
-    pub(super) fn position(&self, unshifted: u64, offset: u64) -> u32 {
+    pub(in crate::twin) fn position(&self, unshifted: u64, offset: u64) -> u32 {
         ((unshifted + offset) % self.modulus()) as u32
     }
 }
 
 /// 6400h:1. `reached` says whether a limit counts as outside by itself.
-pub(super) fn work_area(position: u32, low: i64, high: i64, reached: bool) -> u8 {
+pub(in crate::twin) fn work_area(position: u32, low: i64, high: i64, reached: bool) -> u8 {
     let position = i64::from(position);
     let beyond = |distance: i64| distance > 0 || reached && distance == 0;
     let above = beyond(position - high);
@@ -109,6 +111,7 @@ mod tests {
 
     const FINE: Measure = Measure {
         resolution: 0x2000,
+        turns: 4096,
         parameters: 0,
         units: 0x2000,
         range: 0x200_0000,
@@ -164,6 +167,7 @@ mod tests {
         (resolution, parameters, number.clone(), number).prop_map(
             |(resolution, parameters, units, range)| Measure {
                 resolution,
+                turns: 4096,
                 parameters,
                 units,
                 range,
