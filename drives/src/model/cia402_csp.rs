@@ -13,37 +13,24 @@
 use super::profile::cia402::{self, INTERPOLATION_DELAY};
 use super::profile::communication::{SDO_RESPONSE, T_PDO_RESPONSE};
 use super::profile::generic::{
-    self, BIT_RATES, ENCODER_INCREMENTS, FIXED_MAPPING, HAS_PERIOD, HAS_RESOLUTION, Kind, PDOS,
-    PRODUCT_CODE, R_PDO, T_PDO, TELLS_FOLLOWING, VENDOR_ID,
+    self, ENCODER_INCREMENTS, FIXED_MAPPING, HAS_PERIOD, HAS_RESOLUTION, Kind, PDOS, PRODUCT_CODE,
+    R_PDO, T_PDO, TELLS_FOLLOWING, VENDOR_ID,
 };
 use super::{
     Ability, Address, Assumption, Drive, DriveStatus, Feedback, Increments, Make, ModeDisplay,
     Model, NodeSpec, PowerCommand, PowerState, RemoteNode, Sample, Setpoint, Setpoints, Settings,
     Survey,
 };
-use crate::dictionary;
-use core::time::Duration;
 use syncline_canopen::Frame;
 use syncline_canopen::cia402::{Controlword, Statusword};
 
 /// The drive.
-///
-/// Cycles are those that 60C2h holds in milliseconds or tenths of them.
 pub(super) static CIA402_CSP: Model = Model {
-    name: "cia402_csp",
-    title: "CiA 402 CSP",
-    maker: None,
-    bitrates: BIT_RATES,
-    cycle_step: Duration::from_micros(500),
-    cycles: Duration::from_micros(500)..=Duration::from_millis(20),
-    increments_per_revolution: |assumed| assumed.value(&ENCODER_INCREMENTS),
-    positions: Increments::MIN..=Increments::MAX,
     abilities: &[
         Ability::FollowingErrorLimit,
         Ability::SoftLimits,
         Ability::Torque,
     ],
-    generic: None,
     assumptions: &[
         MODE,
         ENCODER_INCREMENTS,
@@ -60,17 +47,14 @@ pub(super) static CIA402_CSP: Model = Model {
         T_PDO_RESPONSE,
         SDO_RESPONSE,
     ],
-    dictionary: dictionary::CIA402_CSP,
     reserved,
-    inputs: &[],
-    outputs: &[],
-    analog_outputs: &[],
-    captures: &[],
-    homing_methods: &[],
-    torque_limit: None,
-    make: Make::Drive(Setpoints::Positions, |model, settings| {
-        Box::new(Cia402Csp::new(model, settings))
-    }),
+    ..generic::drive(
+        "cia402_csp",
+        "CiA 402 CSP",
+        Make::Drive(Setpoints::Positions, |model, settings| {
+            Box::new(Cia402Csp::new(model, settings))
+        }),
+    )
 };
 
 const MODE: Assumption = Assumption {
@@ -116,23 +100,9 @@ impl Cia402Csp {
     }
 }
 
-/// The communication profile, the words of the state machine, mode, cycle and scaling are the
-/// controller's; tuning is the user's.
-fn reserved(Address { index, .. }: Address) -> bool {
-    matches!(
-        index,
-        0x1000
-            ..=0x1FFF
-                | 0x6040
-                | 0x6060
-                | 0x6065
-                | 0x607A
-                | 0x607D
-                | 0x608F
-                | 0x6091
-                | 0x60C1
-                | 0x60C2
-    )
+/// Setpoints and limits are the controller's, too; tuning is the user's.
+fn reserved(address: Address) -> bool {
+    generic::reserved(address) || matches!(address.index, 0x6065 | 0x607A | 0x607D | 0x60C1)
 }
 
 /// What the bytes of its EMCY mean is the maker's affair, and nobody knows who that is.
@@ -207,6 +177,7 @@ impl Drive for Cia402Csp {
 mod tests {
     use super::super::{Assumed, Data, NotFollowing, OutOfRange, Write};
     use super::*;
+    use core::time::Duration;
     use syncline_canopen::{CobId, NodeId};
 
     fn csp(settings: &Settings) -> Cia402Csp {

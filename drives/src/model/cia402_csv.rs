@@ -18,30 +18,18 @@
 use super::profile::cia402;
 use super::profile::communication::{SDO_RESPONSE, T_PDO_RESPONSE};
 use super::profile::generic::{
-    self, BIT_RATES, ENCODER_INCREMENTS, FIXED_MAPPING, HAS_PERIOD, HAS_RESOLUTION, Kind, PDOS,
-    PRODUCT_CODE, R_PDO, T_PDO, TELLS_FOLLOWING, VENDOR_ID,
+    self, ENCODER_INCREMENTS, FIXED_MAPPING, HAS_PERIOD, HAS_RESOLUTION, Kind, PDOS, PRODUCT_CODE,
+    R_PDO, T_PDO, TELLS_FOLLOWING, VENDOR_ID,
 };
 use super::{
     Ability, Address, Assumption, Data, Drive, DriveStatus, Dynamics, Feedback, Increments, Make,
     ModeDisplay, Model, NodeSpec, OutOfRange, PowerCommand, PowerState, RemoteNode, Sample,
     Setpoint, Setpoints, Settings, Survey, Write,
 };
-use crate::dictionary;
-use core::time::Duration;
 use syncline_canopen::Frame;
 
 /// The drive in Cyclic Synchronous Velocity.
 pub(super) static CIA402_CSV: Model = Model {
-    name: "cia402_csv",
-    title: "CiA 402 CSV",
-    maker: None,
-    bitrates: BIT_RATES,
-    cycle_step: Duration::from_micros(500),
-    cycles: Duration::from_micros(500)..=Duration::from_millis(20),
-    increments_per_revolution: |assumed| assumed.value(&ENCODER_INCREMENTS),
-    positions: Increments::MIN..=Increments::MAX,
-    abilities: &[],
-    generic: None,
     assumptions: &[
         VELOCITY_UNITS,
         VELOCITY_RPM,
@@ -61,31 +49,19 @@ pub(super) static CIA402_CSV: Model = Model {
         T_PDO_RESPONSE,
         SDO_RESPONSE,
     ],
-    dictionary: dictionary::CIA402_CSP,
     reserved,
-    inputs: &[],
-    outputs: &[],
-    analog_outputs: &[],
-    captures: &[],
-    homing_methods: &[],
-    torque_limit: None,
-    make: Make::Drive(Setpoints::Velocities, |model, settings| {
-        Box::new(Cia402Velocity::new(model, settings, Mode::Synchronous))
-    }),
+    ..generic::drive(
+        "cia402_csv",
+        "CiA 402 CSV",
+        Make::Drive(Setpoints::Velocities, |model, settings| {
+            Box::new(Cia402Velocity::new(model, settings, Mode::Synchronous))
+        }),
+    )
 };
 
 /// The drive in Profile Velocity.
 pub(super) static CIA402_PV: Model = Model {
-    name: "cia402_pv",
-    title: "CiA 402 PV",
-    maker: None,
-    bitrates: BIT_RATES,
-    cycle_step: Duration::from_micros(500),
-    cycles: Duration::from_micros(500)..=Duration::from_millis(20),
-    increments_per_revolution: |assumed| assumed.value(&ENCODER_INCREMENTS),
-    positions: Increments::MIN..=Increments::MAX,
     abilities: &[Ability::ProfileVelocity],
-    generic: None,
     assumptions: &[
         VELOCITY_UNITS,
         VELOCITY_RPM,
@@ -103,17 +79,14 @@ pub(super) static CIA402_PV: Model = Model {
         T_PDO_RESPONSE,
         SDO_RESPONSE,
     ],
-    dictionary: dictionary::CIA402_CSP,
     reserved,
-    inputs: &[],
-    outputs: &[],
-    analog_outputs: &[],
-    captures: &[],
-    homing_methods: &[],
-    torque_limit: None,
-    make: Make::Drive(Setpoints::Velocities, |model, settings| {
-        Box::new(Cia402Velocity::new(model, settings, Mode::Profile))
-    }),
+    ..generic::drive(
+        "cia402_pv",
+        "CiA 402 PV",
+        Make::Drive(Setpoints::Velocities, |model, settings| {
+            Box::new(Cia402Velocity::new(model, settings, Mode::Profile))
+        }),
+    )
 };
 
 const VELOCITY_UNITS: Assumption = Assumption {
@@ -243,23 +216,9 @@ fn ramp(settings: &Settings, units: f64) -> u32 {
     }
 }
 
-/// The communication profile, the words of the state machine, mode, cycle, ramps, scaling and what a lost connection
-/// does are the controller's; tuning is the user's.
-fn reserved(Address { index, .. }: Address) -> bool {
-    matches!(
-        index,
-        0x1000
-            ..=0x1FFF
-                | 0x6007
-                | 0x6040
-                | 0x6060
-                | 0x6083
-                | 0x6084
-                | 0x608F
-                | 0x6091
-                | 0x60C2
-                | 0x60FF
-    )
+/// Setpoints, ramps and what a lost connection does are the controller's, too; tuning is the user's.
+fn reserved(address: Address) -> bool {
+    generic::reserved(address) || matches!(address.index, 0x6007 | 0x6083 | 0x6084 | 0x60FF)
 }
 
 /// What the bytes of its EMCY mean is the maker's affair, and nobody knows who that is.
@@ -345,6 +304,7 @@ impl Drive for Cia402Velocity {
 mod tests {
     use super::super::{Assumed, NotFollowing};
     use super::*;
+    use core::time::Duration;
     use proptest::prelude::*;
     use syncline_canopen::{CobId, NodeId};
 
@@ -394,6 +354,21 @@ mod tests {
             ]
         );
         assert_eq!(own_writes(&drive(Mode::Profile, 2000, &[])).len(), 6);
+    }
+
+    #[test]
+    fn nobody_else_writes_what_it_is_set_up_and_sent_by() {
+        for mode in [Mode::Synchronous, Mode::Profile] {
+            let drive = drive(mode, 2000, &[("ramp", 500)]);
+            let setup = drive.spec.setup.iter().map(|write| write.address);
+            let scaling = drive.spec.identity.iter().map(|it| it.address);
+            let scaling = scaling.filter(|it| [0x608F, 0x6091].contains(&it.index));
+            let setpoint = Address::new(0x60FF, 0);
+            for address in setup.chain(scaling).chain([setpoint]) {
+                assert!((drive.spec.model.reserved)(address), "{mode:?} {address}");
+            }
+            assert!(!(drive.spec.model.reserved)(Address::new(0x60F6, 1)));
+        }
     }
 
     #[test]

@@ -6,8 +6,10 @@
 
 use super::cia402;
 use super::communication;
+use crate::dictionary;
 use crate::model::{
-    Address, Assumed, Assumption, Data, Identity, Model, NodeSpec, Settings, Write,
+    Address, Assumed, Assumption, Data, Identity, Increments, Make, Model, NodeSpec, Settings,
+    Write,
 };
 use core::time::Duration;
 use syncline_canopen::dictionary::Preset;
@@ -96,6 +98,43 @@ pub(in crate::model) struct Kind {
 pub(in crate::model) const BIT_RATES: &[u32] = &[
     10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
 ];
+
+/// What is known of every generic drive before it is made; one has abilities and assumptions of its own beside.
+///
+/// Cycles are those that 60C2h holds in milliseconds or tenths of them.
+pub(in crate::model) const fn drive(name: &'static str, title: &'static str, make: Make) -> Model {
+    Model {
+        name,
+        title,
+        maker: None,
+        bitrates: BIT_RATES,
+        cycle_step: Duration::from_micros(500),
+        cycles: Duration::from_micros(500)..=Duration::from_millis(20),
+        increments_per_revolution: |assumed| assumed.value(&ENCODER_INCREMENTS),
+        positions: Increments::MIN..=Increments::MAX,
+        abilities: &[],
+        generic: None,
+        assumptions: &[],
+        dictionary: dictionary::CIA402_CSP,
+        reserved,
+        inputs: &[],
+        outputs: &[],
+        analog_outputs: &[],
+        captures: &[],
+        homing_methods: &[],
+        torque_limit: None,
+        make,
+    }
+}
+
+/// Whether an object of every generic drive is the controller's: the communication profile, the words of the state machine,
+/// mode, cycle and scaling.
+pub(in crate::model) fn reserved(Address { index, .. }: Address) -> bool {
+    matches!(
+        index,
+        0x1000..=0x1FFF | 0x6040 | 0x6060 | 0x608F | 0x6091 | 0x60C2
+    )
+}
 
 /// A drive that runs in the mode of `kind`. Behind it its set-up has `own` of the kind, before the user's objects.
 pub(in crate::model) fn spec(
