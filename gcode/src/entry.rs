@@ -67,6 +67,11 @@ impl Passed {
         }
     }
 
+    /// What they have put into effect.
+    pub(crate) fn effect(&self) -> InEffect {
+        self.effect
+    }
+
     /// Passes the next command.
     pub(crate) fn pass(&mut self, action: &Action) {
         self.outputs.pass(action);
@@ -103,12 +108,13 @@ impl Passed {
             (selected_tool != initial.selected_tool).then_some(Action::SelectTool(selected_tool)),
             (effect.spindle != now.spindle).then_some(Action::Spindle(effect.spindle)),
             (effect.coolant != now.coolant).then_some(Action::Coolant(effect.coolant)),
-            (path_mode != initial.path_mode).then_some(Action::PathMode(path_mode)),
         ];
+        let set_up = set_up.into_iter().flatten();
         let outputs_first = outputs.switched.into_iter().map(Action::Output);
+        let path_mode = (path_mode != initial.path_mode).then_some(Action::PathMode(path_mode));
         Entry {
             at,
-            set_up: set_up.into_iter().flatten().chain(outputs_first).collect(),
+            set_up: set_up.chain(outputs_first).chain(path_mode).collect(),
             spindle: effect.spindle,
             way,
             with_motion: outputs.await_motion,

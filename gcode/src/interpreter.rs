@@ -18,7 +18,6 @@ use super::flow::{At, Control};
 use super::lexer::Columns;
 use super::memory::Memory;
 use super::modal::Modes;
-use super::outputs::PassedOutputs;
 use super::probe::Probed;
 use super::source::{Input, Lines, MAX_LINE, Read1};
 use super::tables::Tables;
@@ -51,8 +50,6 @@ pub struct Interpreter {
     executed: u64,
     /// Commands of the program that were handed out, or passed on the way to where it is begun.
     passed: u64,
-    /// Commands in `pending` that are none of the program's, but set up the line that it is begun at.
-    setting_up: u64,
     /// What those asked for: canned cycles ask for many moves each.
     asked: u64,
     /// Blocks since the machine moved or rested: a loop that does nothing is refused even while
@@ -141,7 +138,6 @@ impl Interpreter {
             pending: VecDeque::new(),
             executed: 0,
             passed: 0,
-            setting_up: 0,
             asked: 0,
             idle: 0,
             started: false,
@@ -176,9 +172,8 @@ impl Interpreter {
         self.state.at
     }
 
-    /// What comes next, as far as it is known: behind [`start_at_line`](Self::start_at_line) all that sets up
-    /// the line.
-    pub fn pending(&self) -> impl Iterator<Item = &Action> {
+    /// What comes next, as far as it is known.
+    fn pending(&self) -> impl Iterator<Item = &Action> {
         self.pending.iter().map(|command| &command.action)
     }
 
@@ -260,36 +255,13 @@ impl Interpreter {
 
     /// Begins in the middle: executes the program up to a line without handing out its commands.
     /// After this [`Interpreter::modes`] and [`Interpreter::position`] show what the line starts
-    /// from, for the operator to confirm, and the next commands set it up: tool, spindle, coolant,
-    /// outputs, path mode, and the way to the position, last along the axis across the plane when that
-    /// goes down; codes of the user's are not repeated. In a loop or subroutine the line counts where it is met first.
+    /// from, for the operator to confirm, and the next command is the line's. What sets it up is left to the caller, before
+    /// that command: tool, spindle, coolant, outputs, path mode, and the way to the position, last along the axis across the
+    /// plane when that goes down; codes of the user's are not repeated. In a loop or subroutine the line counts where it is
+    /// met first.
     ///
     /// # Errors
     /// A block before the line is refused, or the program ends before it.
-    pub fn start_at_line(&mut self, line: u32) -> Result<(), Error> {
-        let Entry {
-            set_up,
-            way,
-            with_motion,
-            ..
-        } = self.enter_at_line(line)?;
-        let outputs = with_motion.into_iter().map(Action::Output);
-        self.actions
-            .extend(set_up.into_iter().chain(way).chain(outputs));
-        self.setting_up = self.actions.len() as u64;
-        let span = Span {
-            file: 0,
-            line,
-            columns: Columns { start: 1, end: 2 },
-        };
-        let settled = self.settle(span);
-        settled.map_err(|refusal| self.error(refusal))
-    }
-
-    /// The same, but for what sets the line up: that is left to the caller, before the next command.
-    ///
-    /// # Errors
-    /// As [`start_at_line`](Self::start_at_line).
     pub fn enter_at_line(&mut self, line: u32) -> Result<Entry, Error> {
         let entry = self.skip_to(line);
         entry.map_err(|refusal| self.error(refusal))
@@ -347,11 +319,12 @@ impl Interpreter {
 
     fn skip_to(&mut self, line: u32) -> Result<Entry, Refusal> {
         let start = self.state.at;
-        let mut outputs = PassedOutputs::new(start);
+        let mut passed = Passed::new(start, &self.state.setup.memory.modes);
+        let begun = passed.effect();
         loop {
             let next = self.files[self.current].lines.place().line;
-            let passed = next > line && self.in_main_program();
-            if self.current == 0 && (next == line || passed) {
+            let is_past = next > line && self.in_main_program();
+            if self.current == 0 && (next == line || is_past) {
                 break;
             }
             self.step()?;
@@ -363,7 +336,7 @@ impl Interpreter {
             }
             self.passed += self.pending.len() as u64;
             for command in self.pending.drain(..) {
-                outputs.pass(&command.action);
+                passed.pass(&command.action);
             }
             self.idle = 0;
             if self.ended {
@@ -385,9 +358,10 @@ impl Interpreter {
                 Fault::BeginNurbs { line },
             ));
         }
-        let entry = self.state.entry(start, outputs)?;
-        self.settled_at = entry.at;
-        Ok(entry)
+        let at = self.state.at;
+        let way = self.state.go_from(start)?;
+        self.settled_at = at;
+        Ok(passed.entry(&begun, at, way))
     }
 
     /// Reads and executes blocks until there is a command.
@@ -595,10 +569,7 @@ impl Iterator for Interpreter {
             return Some(Err(self.error(refusal)));
         }
         let command = self.pending.pop_front()?;
-        match self.setting_up {
-            0 => self.passed += 1,
-            _ => self.setting_up -= 1,
-        }
+        self.passed += 1;
         let (at, does) = match &command.action {
             Action::Rapid { to } | Action::Feed { to, .. } => (*to, *to != self.idle_at),
             Action::Arc { arc, .. } => (arc.to, true),

@@ -5,15 +5,13 @@ use std::collections::VecDeque;
 use super::arc::{Arc, Direction, Plane};
 use super::axes::{Axis, COORDINATE_LIMIT, Point};
 use super::block::Block;
-use super::command::{Action, Feed, Probe, Stop};
+use super::command::{Action, Feed, Probe};
 use super::coordinates::sum;
 use super::cycles::Cycle;
-use super::entry::Entry;
 use super::error::{Fault, Refusal};
 use super::execute::{Compensated, State};
 use super::lexer::Columns;
 use super::modal::{Code, Group, Motion};
-use super::outputs::PassedOutputs;
 use super::words::{Words, out_of_range};
 
 /// Arcs beyond this radius are a mistake, or lines. mm.
@@ -182,43 +180,16 @@ impl State {
         Ok(())
     }
 
-    /// What brings a machine at `start` into this state, with its outputs.
-    pub(crate) fn entry(&mut self, start: Point, outputs: PassedOutputs) -> Result<Entry, Refusal> {
-        let initial = self.setup.memory.modes.clone();
-        let modes = self.modes.clone();
-        let mut set_up = Vec::new();
-        if modes.tool != initial.tool {
-            let tool = modes.tool;
-            set_up.push(Action::Stop(Stop::ToolChange { tool }));
-        }
-        if modes.selected_tool != initial.selected_tool {
-            set_up.push(Action::SelectTool(modes.selected_tool));
-        }
-        if modes.spindle != initial.spindle {
-            set_up.push(Action::Spindle(modes.spindle));
-        }
-        if modes.coolant != initial.coolant {
-            set_up.push(Action::Coolant(modes.coolant));
-        }
-        set_up.extend(outputs.switched.into_iter().map(Action::Output));
-        if modes.path_mode != initial.path_mode {
-            set_up.push(Action::PathMode(modes.path_mode));
-        }
-        let goal = self.at;
-        let way = self.way(start, goal);
-        let mut along = VecDeque::new();
+    /// Comes to where it is from `start`: the [way](Self::way) there.
+    pub(crate) fn go_from(&mut self, start: Point) -> Result<Vec<Action>, Refusal> {
+        let way = self.way(start, self.at);
         self.at = start;
+        let mut commands = VecDeque::new();
         for action in way {
             let columns = Columns { start: 1, end: 2 };
-            self.go(action, &Words::default(), columns, &mut along)?;
+            self.go(action, &Words::default(), columns, &mut commands)?;
         }
-        Ok(Entry {
-            at: goal,
-            set_up,
-            spindle: modes.spindle,
-            way: along.into(),
-            with_motion: outputs.await_motion,
-        })
+        Ok(commands.into())
     }
 
     /// The way from `start` to a place in the midst of a program, last along the axis across the plane when that goes

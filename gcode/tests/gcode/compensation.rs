@@ -162,7 +162,8 @@ fn beginning_on_a_contour_is_refused() {
         let mut program =
             syncline_gcode::Interpreter::from_text("part.ngc", program, with_cutters());
         program
-            .start_at_line(line)
+            .enter_at_line(line)
+            .map(|_| ())
             .map_err(|error| error.to_string())
     };
     assert_eq!(begun(1), Ok(()));

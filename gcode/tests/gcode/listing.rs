@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use syncline_gcode::{
-    Action, Axis, AxisSet, Command, Direction, Error, Feed, Interpreter, Point, Setup,
+    Action, Axis, AxisSet, Command, Direction, Entry, Error, Feed, Interpreter, Point, Setup,
 };
 
 pub(crate) fn xyz() -> Setup {
@@ -33,6 +33,24 @@ pub(crate) fn refusal(program: &str) -> String {
 /// One line a command: line of the program, action.
 pub(crate) fn listing_with(setup: Setup, program: &str) -> String {
     show_all(Interpreter::from_text("part.ngc", program, setup))
+}
+
+/// Begins a program at a line: what sets that up.
+pub(crate) fn begun_at(program: &mut Interpreter, line: u32) -> Result<Vec<Action>, Error> {
+    let Entry {
+        set_up,
+        way,
+        with_motion,
+        ..
+    } = program.enter_at_line(line)?;
+    let with_motion = with_motion.into_iter().map(Action::Output);
+    Ok(set_up.into_iter().chain(way).chain(with_motion).collect())
+}
+
+/// One line an action of a line.
+pub(crate) fn show_actions(line: u32, actions: &[Action]) -> String {
+    let shown = |action| format!("{line:3}: {}\n", show(action));
+    actions.iter().map(shown).collect()
 }
 
 /// One line a command: line of the program, its file if it is another, action.

@@ -102,6 +102,6 @@ fn what_cannot_be_is_refused() {
     // Behind a probing nothing is known.
     let text = "G38.2 Z-5 F100\nG0 X1\nM2\n";
     let mut program = Interpreter::from_text("part.ngc", text, with_probe());
-    let error = program.start_at_line(2).unwrap_err().to_string();
+    let error = program.enter_at_line(2).unwrap_err().to_string();
     assert!(error.contains("line 2 is behind a probing"), "{error}");
 }

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use syncline_gcode::{Action, Command, Interpreter, Output, Point, Setup};
 
-use super::listing::{show_all, xyz};
+use super::listing::{begun_at, show_actions, show_all, xyz};
 
 const PROGRAM: &str = "\
 G21 G90 G17 G61
@@ -27,10 +27,10 @@ o9 endsub
 
 fn started_at(line: u32, setup: Setup) -> String {
     let mut program = Interpreter::from_text("part.ngc", PROGRAM, setup);
-    match program.start_at_line(line) {
-        Ok(()) => {
+    match begun_at(&mut program, line) {
+        Ok(first) => {
             let state = format!("{}\n{:?}\n", program.modes(), &program.position().0[..3]);
-            state + &show_all(program)
+            state + &show_actions(line, &first) + &show_all(program)
         }
         Err(error) => format!("{error}\n"),
     }
@@ -63,13 +63,15 @@ fn a_line_that_is_not_met() {
     insta::assert_snapshot!(text);
 }
 
+fn is_motion(action: &Action) -> bool {
+    matches!(
+        action,
+        Action::Rapid { .. } | Action::Feed { .. } | Action::Arc { .. }
+    )
+}
+
 fn motions(commands: &[Command]) -> Vec<&Command> {
-    let moves = |command: &&Command| {
-        matches!(
-            command.action,
-            Action::Rapid { .. } | Action::Feed { .. } | Action::Arc { .. }
-        )
-    };
+    let moves = |command: &&Command| is_motion(&command.action);
     commands.iter().filter(moves).collect()
 }
 
@@ -82,16 +84,15 @@ fn what_follows_is_the_rest_of_the_program() {
     let lines = text.lines().count() as u32;
     for line in (1..lines - 2).step_by(7) {
         let mut begun = part();
-        begun.start_at_line(line).unwrap();
+        let mut approach = begun_at(&mut begun, line).unwrap();
+        approach.retain(is_motion);
         let position = begun.position();
         let commands: Vec<Command> = begun.collect::<Result<_, _>>().unwrap();
         let rest = whole.partition_point(|command| command.span.line < line);
-        let (rest, commands) = (motions(&whole[rest..]), motions(&commands));
-        let approach = commands.len() - rest.len();
-        assert_eq!(commands[approach..], rest, "line {line}");
-        assert!(approach <= 2, "line {line}");
-        if let Some(last) = commands[..approach].last() {
-            let to = match &last.action {
+        assert_eq!(motions(&commands), motions(&whole[rest..]), "line {line}");
+        assert!(approach.len() <= 2, "line {line}");
+        if let Some(last) = approach.last() {
+            let to = match last {
                 Action::Rapid { to } | Action::Feed { to, .. } => *to,
                 other => panic!("line {line}: {other:?}"),
             };
@@ -129,11 +130,11 @@ impl Switched {
         }
     }
 
-    /// After each command behind the message.
-    fn behind_message(program: Interpreter) -> Vec<([bool; 3], [f64; 2])> {
+    /// After each command behind the message, of a program that is set up by these actions.
+    fn behind_message(set_up: Vec<Action>, program: Interpreter) -> Vec<([bool; 3], [f64; 2])> {
         let (mut switched, mut met, mut behind) = (Self::default(), false, Vec::new());
-        for command in program {
-            let action = command.expect("a right program").action;
+        let commands = program.map(|command| command.expect("a right program").action);
+        for action in set_up.into_iter().chain(commands) {
             switched.obey(&action);
             met |= matches!(action, Action::Message(_));
             if met {
@@ -174,7 +175,8 @@ proptest! {
         let text = "G1 F600\n".to_owned() + &blocks.join("\n");
         let program = || Interpreter::from_text("part.ngc", text.as_str(), xyz());
         let mut begun = program();
-        begun.start_at_line(line as u32 + 2).expect("a line of the program");
-        prop_assert_eq!(Switched::behind_message(begun), Switched::behind_message(program()));
+        let set_up = begun_at(&mut begun, line as u32 + 2).expect("a line of the program");
+        let whole = Switched::behind_message(Vec::new(), program());
+        prop_assert_eq!(Switched::behind_message(set_up, begun), whole);
     }
 }

@@ -71,7 +71,7 @@ fn beginning_between_points_is_refused() {
     let program = "F600 G5.2 X1\nX2 Y1\nX3\nG5.3\nG1 X0\nM2";
     for (line, right) in [(1, true), (2, false), (4, false), (5, true)] {
         let mut program = Interpreter::from_text("part.ngc", program, xyz());
-        assert_eq!(program.start_at_line(line).is_ok(), right, "{line}");
+        assert_eq!(program.enter_at_line(line).is_ok(), right, "{line}");
     }
 }
 
