@@ -42,3 +42,8 @@ pub use dictionary::Address;
 pub use frame::{Frame, Transmit};
 pub use id::{CanId, CobId, NodeId};
 pub use time::Instant;
+
+/// The bit rates that CiA 301 recommends, bit/s.
+pub const BIT_RATES: &[u32] = &[
+    10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
+];

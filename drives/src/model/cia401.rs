@@ -15,16 +15,14 @@ use super::{
 };
 use crate::dictionary;
 use core::time::Duration;
-use syncline_canopen::{CobId, Frame, pdo::CobIdWord};
+use syncline_canopen::{BIT_RATES, CobId, Frame, pdo::CobIdWord};
 
 /// The I/O node.
 pub(super) static CIA401: Model = Model {
     name: "cia401",
     title: "CiA 401",
     maker: None,
-    bitrates: &[
-        10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
-    ],
+    bitrates: BIT_RATES,
     // It follows any SYNC that its answer fits between.
     cycle_step: Duration::from_micros(1),
     cycles: Duration::from_micros(500)..=Duration::from_secs(1),

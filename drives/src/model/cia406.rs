@@ -6,16 +6,17 @@
 //! it may delete the preset, and with it the machine's zero. The preset itself (6003h) is never written, and nothing is
 //! stored. What the encoder does not have is an [`Assumption`].
 
+use super::profile::cia406::{self, AbsoluteEncoder};
 use super::profile::communication::{self, SDO_RESPONSE, T_PDO_RESPONSE};
-use super::profile::generic::{self, BIT_RATES, FIXED_MAPPING, PDOS, PRODUCT_CODE, VENDOR_ID};
+use super::profile::generic::{self, FIXED_MAPPING, PDOS, PRODUCT_CODE, VENDOR_ID};
 use super::{
-    Address, Assumed, Assumption, Data, Feedback, Identity, Increments, Make, Model, Monitoring,
-    NodeSpec, RemoteNode, Sample, Settings, Write,
+    Address, Assumed, Assumption, Data, Identity, Increments, Make, Model, Monitoring, NodeSpec,
+    Settings, Write,
 };
 use crate::dictionary;
 use core::time::Duration;
 use std::sync::Arc;
-use syncline_canopen::Frame;
+use syncline_canopen::BIT_RATES;
 
 /// The encoder.
 pub(super) static CIA406: Model = Model {
@@ -43,7 +44,7 @@ pub(super) static CIA406: Model = Model {
         SDO_RESPONSE,
     ],
     dictionary: dictionary::CIA406,
-    reserved,
+    reserved: cia406::reserved,
     positions: Increments::MIN..=Increments::MAX,
     abilities: &[],
     inputs: &[],
@@ -52,7 +53,7 @@ pub(super) static CIA406: Model = Model {
     captures: &[],
     homing_methods: &[],
     torque_limit: None,
-    make: Make::Encoder(|model, settings| Arc::new(Cia406::new(model, settings))),
+    make: Make::Encoder(|model, settings| Arc::new(encoder(model, settings))),
 };
 
 const STEPS_PER_TURN: Assumption = Assumption {
@@ -96,38 +97,30 @@ const T_PDO: Assumption = Assumption {
 /// What its T_PDO brings, as it is mapped.
 const POSITION: u32 = 0x6004_0020;
 
-/// One encoder.
-#[derive(Clone, Debug)]
-struct Cia406 {
-    spec: NodeSpec,
-    range: Increments,
-}
-
-impl Cia406 {
-    fn new(model: &'static Model, settings: &Settings) -> Self {
-        let assumed = &settings.assumed;
-        let has_heartbeat = assumed.value(&HAS_HEARTBEAT) != 0;
-        let t_pdo = generic::number(assumed, &T_PDO);
-        let setup = setup(model, settings, t_pdo);
-        let has_scaling = assumed.value(&HAS_SCALING) != 0;
-        let unscaled = Write::new(0x6000, 0, Data::u16(0));
-        let steps = u64::from(assumed.value(&STEPS_PER_TURN));
-        let range = (steps * u64::from(assumed.value(&TURNS))).min(1 << 32);
-        Self {
-            spec: NodeSpec {
-                identity: identity(assumed, t_pdo),
-                history: vec![Address::new(0x1003, 1)],
-                ensured: has_scaling.then_some(unscaled).into_iter().collect(),
-                tells_boot_up: has_heartbeat,
-                monitoring: match has_heartbeat {
-                    true => Monitoring::Heartbeat,
-                    false => Monitoring::TPdos,
-                },
-                t_pdos: vec![communication::t_pdo(t_pdo, settings.node, 4)],
-                ..NodeSpec::new(model, settings, setup, |_| false)
+/// One encoder. What the bytes of its EMCY mean is the maker's affair, and nobody knows who that is.
+fn encoder(model: &'static Model, settings: &Settings) -> AbsoluteEncoder {
+    let assumed = &settings.assumed;
+    let has_heartbeat = assumed.value(&HAS_HEARTBEAT) != 0;
+    let t_pdo = generic::number(assumed, &T_PDO);
+    let setup = setup(model, settings, t_pdo);
+    let has_scaling = assumed.value(&HAS_SCALING) != 0;
+    let unscaled = Write::new(0x6000, 0, Data::u16(0));
+    let steps = u64::from(assumed.value(&STEPS_PER_TURN));
+    let range = (steps * u64::from(assumed.value(&TURNS))).min(1 << 32);
+    AbsoluteEncoder {
+        spec: NodeSpec {
+            identity: identity(assumed, t_pdo),
+            history: vec![Address::new(0x1003, 1)],
+            ensured: has_scaling.then_some(unscaled).into_iter().collect(),
+            tells_boot_up: has_heartbeat,
+            monitoring: match has_heartbeat {
+                true => Monitoring::Heartbeat,
+                false => Monitoring::TPdos,
             },
-            range: Increments::new(range as i64),
-        }
+            t_pdos: vec![communication::t_pdo(t_pdo, settings.node, 4)],
+            ..NodeSpec::new(model, settings, setup, |_| false)
+        },
+        range: Increments::new(range as i64),
     }
 }
 
@@ -170,55 +163,21 @@ fn setup(model: &'static Model, settings: &Settings, t_pdo: u8) -> Vec<Write> {
     setup
 }
 
-/// Communication, how it counts and the preset are not the user's to write on a machine that is being switched on.
-fn reserved(Address { index, .. }: Address) -> bool {
-    matches!(index, 0x1000..=0x1FFF | 0x6000..=0x6003 | 0x6200)
-}
-
-/// What the bytes of its EMCY mean is the maker's affair, and nobody knows who that is.
-impl RemoteNode for Cia406 {
-    fn spec(&self) -> &NodeSpec {
-        &self.spec
-    }
-}
-
-impl Feedback for Cia406 {
-    fn sample(&self, _: usize, data: &[u8]) -> Option<Sample> {
-        let &[p0, p1, p2, p3, ..] = data else {
-            return None;
-        };
-        let position = u32::from_le_bytes([p0, p1, p2, p3]);
-        Some(Sample {
-            position: Increments::new(position.into()),
-        })
-    }
-
-    fn range(&self) -> Option<Increments> {
-        Some(self.range)
-    }
-
-    fn in_motion(&self, position: Increments) -> Vec<Frame> {
-        let position = position.get().rem_euclid(self.range.get()) as u32;
-        let cob_id = self.spec.t_pdos[0].cob_id;
-        vec![Frame::new(cob_id, &position.to_le_bytes())]
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::unwrapped;
+    use super::super::{Feedback, unwrapped};
     use super::*;
     use proptest::prelude::*;
     use syncline_canopen::NodeId;
 
-    fn encoder(assumed: &[(&'static str, u32)]) -> Cia406 {
+    fn encoder(assumed: &[(&'static str, u32)]) -> AbsoluteEncoder {
         let (node, cycle) = (NodeId::new(3).unwrap(), Duration::from_millis(2));
         let settings = Settings {
             objects: vec![Write::new(0x6401, 1, Data::i32(5))],
             assumed: Assumed(assumed.to_vec()),
             ..Settings::new(node, cycle)
         };
-        Cia406::new(&CIA406, &settings)
+        super::encoder(&CIA406, &settings)
     }
 
     fn shown(writes: &[Write]) -> Vec<String> {

@@ -10,15 +10,16 @@
 //! - There is no heartbeat and no boot-up message. The encoder is heard by its T_PDO, which it sends in
 //!   Operational alone, so that a missing one tells more, and earlier, than guarding would.
 
+use super::profile::cia406::{self, AbsoluteEncoder};
 use super::profile::communication;
 use super::{
-    Address, Assumed, Assumption, Data, Feedback, Identity, Increments, Make, Model, Monitoring,
-    NodeSpec, RemoteNode, Sample, Settings, Write,
+    Address, Assumed, Assumption, Data, Identity, Increments, Make, Model, Monitoring, NodeSpec,
+    Settings, Write,
 };
 use crate::dictionary;
 use core::time::Duration;
 use std::sync::Arc;
-use syncline_canopen::{CobId, Frame, pdo::CobIdWord};
+use syncline_canopen::{CobId, pdo::CobIdWord};
 
 /// The encoder.
 pub(super) static TWK_CRN: Model = Model {
@@ -49,7 +50,7 @@ pub(super) static TWK_CRN: Model = Model {
     captures: &[],
     homing_methods: &[],
     torque_limit: None,
-    make: Make::Encoder(|_, settings| Arc::new(TwkCrn::new(settings))),
+    make: Make::Encoder(|_, settings| Arc::new(encoder(settings))),
 };
 
 const STEPS_PER_TURN: Assumption = Assumption {
@@ -114,34 +115,26 @@ impl Measure {
     }
 }
 
-/// One encoder.
-#[derive(Clone, Debug)]
-struct TwkCrn {
-    spec: NodeSpec,
-    range: Increments,
-}
-
-impl TwkCrn {
-    fn new(settings: &Settings) -> Self {
-        let assumed = &settings.assumed;
-        let measure = Measure::of(assumed);
-        let spec = NodeSpec::new(&TWK_CRN, settings, setup(settings), |_| false);
-        Self {
-            spec: NodeSpec {
-                identity: identity(assumed.value(&STEPS_PER_TURN)),
-                // Last error (crn S2), alarms (crn S37).
-                history: vec![Address::new(0x1003, 1), Address::new(0x6503, 0)],
-                ensured: ensured(measure),
-                tells_boot_up: false,
-                monitoring: Monitoring::TPdos,
-                // The position.
-                t_pdos: vec![communication::t_pdo(2, settings.node, 4)],
-                t_pdo_response: assumed.time(&T_PDO_RESPONSE),
-                sdo_response: assumed.time(&SDO_RESPONSE),
-                ..spec
-            },
-            range: Increments::new(measure.range.into()),
-        }
+/// One encoder. The manual describes none of the bytes that a maker adds to an EMCY (crn S35).
+fn encoder(settings: &Settings) -> AbsoluteEncoder {
+    let assumed = &settings.assumed;
+    let measure = Measure::of(assumed);
+    let spec = NodeSpec::new(&TWK_CRN, settings, setup(settings), |_| false);
+    AbsoluteEncoder {
+        spec: NodeSpec {
+            identity: identity(assumed.value(&STEPS_PER_TURN)),
+            // Last error (crn S2), alarms (crn S37).
+            history: vec![Address::new(0x1003, 1), Address::new(0x6503, 0)],
+            ensured: ensured(measure),
+            tells_boot_up: false,
+            monitoring: Monitoring::TPdos,
+            // The position.
+            t_pdos: vec![communication::t_pdo(2, settings.node, 4)],
+            t_pdo_response: assumed.time(&T_PDO_RESPONSE),
+            sdo_response: assumed.time(&SDO_RESPONSE),
+            ..spec
+        },
+        range: Increments::new(measure.range.into()),
     }
 }
 
@@ -191,50 +184,21 @@ fn setup(settings: &Settings) -> Vec<Write> {
     setup
 }
 
-/// Communication, what the plug has set (2000h, 2001h), how it counts and the preset are not the
-/// user's to write on a machine that is being switched on.
-fn reserved(Address { index, .. }: Address) -> bool {
-    matches!(index, 0x1000..=0x1FFF | 0x2000 | 0x2001 | 0x6000..=0x6003 | 0x6200)
-}
-
-/// The manual describes none of the bytes that a maker adds to an EMCY (crn S35).
-impl RemoteNode for TwkCrn {
-    fn spec(&self) -> &NodeSpec {
-        &self.spec
-    }
-}
-
-impl Feedback for TwkCrn {
-    fn sample(&self, _: usize, data: &[u8]) -> Option<Sample> {
-        let &[p0, p1, p2, p3, ..] = data else {
-            return None;
-        };
-        let position = u32::from_le_bytes([p0, p1, p2, p3]);
-        Some(Sample {
-            position: Increments::new(position.into()),
-        })
-    }
-
-    fn range(&self) -> Option<Increments> {
-        Some(self.range)
-    }
-
-    fn in_motion(&self, position: Increments) -> Vec<Frame> {
-        let position = position.get().rem_euclid(self.range.get()) as u32;
-        let cob_id = self.spec.t_pdos[0].cob_id;
-        vec![Frame::new(cob_id, &position.to_le_bytes())]
-    }
+/// What the plug has set (2000h, 2001h) is not the user's to write, too.
+fn reserved(address: Address) -> bool {
+    cia406::reserved(address) || matches!(address.index, 0x2000 | 0x2001)
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::Feedback;
     use super::*;
     use proptest::prelude::*;
     use syncline_canopen::NodeId;
 
-    fn encoder(assumed: &[(&'static str, u32)]) -> TwkCrn {
+    fn encoder(assumed: &[(&'static str, u32)]) -> AbsoluteEncoder {
         let (node, cycle) = (NodeId::new(3).unwrap(), Duration::from_millis(2));
-        TwkCrn::new(&Settings {
+        super::encoder(&Settings {
             objects: vec![Write::new(0x6401, 1, Data::i32(5))],
             assumed: Assumed(assumed.to_vec()),
             ..Settings::new(node, cycle)

@@ -13,7 +13,7 @@ use crate::model::{
 };
 use core::time::Duration;
 use syncline_canopen::dictionary::Preset;
-use syncline_canopen::{CobId, NodeId, pdo::CobIdWord};
+use syncline_canopen::{BIT_RATES, CobId, NodeId, pdo::CobIdWord};
 
 pub(in crate::model) const ENCODER_INCREMENTS: Assumption = Assumption {
     name: "encoder_increments",
@@ -93,11 +93,6 @@ pub(in crate::model) struct Kind {
     /// What the R_PDO brings behind the controlword, as it is mapped.
     pub(in crate::model) setpoint: u32,
 }
-
-/// Its bit rates, in bit/s: those that CiA 301 recommends.
-pub(in crate::model) const BIT_RATES: &[u32] = &[
-    10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
-];
 
 /// What is known of every generic drive before it is made; one has abilities and assumptions of its own beside.
 ///

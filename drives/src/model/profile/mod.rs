@@ -3,8 +3,10 @@
 //!
 //! - `communication`: set-up that CiA 301 has for every device
 //! - `cia402`: drives
+//! - `cia406`: absolute encoders
 //! - `generic`: devices of whatever maker, by the profile alone
 
 pub(super) mod cia402;
+pub(super) mod cia406;
 pub(super) mod communication;
 pub(super) mod generic;

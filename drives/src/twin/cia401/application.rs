@@ -7,7 +7,7 @@ use syncline_canopen::dictionary::{Dictionary, Row};
 use syncline_canopen::emcy::{self, Emergency, register};
 use syncline_canopen::node::{Application, CommunicationError, Origin};
 use syncline_canopen::sdo::AbortCode;
-use syncline_canopen::{Address, Instant, nmt};
+use syncline_canopen::{Instant, nmt};
 
 impl Application for Module {
     fn objects(&self) -> &Dictionary {
@@ -96,10 +96,7 @@ impl Firmware for Module {
             Disturbance::Fault(class) if class > ErrorClass::Warning => self.fail(true),
             Disturbance::FaultPersists(false) => self.fail(false),
             Disturbance::RefuseWrite(address, code) => self.tampering.refuse(address, code),
-            Disturbance::Vendor(id) => {
-                let vendor = Address::new(0x1018, 1);
-                self.tampering.preset(&mut self.objects, vendor, id.into());
-            }
+            Disturbance::Vendor(id) => self.tampering.preset_vendor(&mut self.objects, id),
             // It has no power stage, no motor and no other channel.
             _ => {}
         }

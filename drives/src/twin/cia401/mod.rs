@@ -32,18 +32,16 @@ use super::node::{Delays, Device};
 use super::random::Random;
 use crate::dictionary::CIA401;
 use module::Module;
-use syncline_canopen::NodeId;
 use syncline_canopen::dictionary::Dictionary;
 use syncline_canopen::node::Options;
 use syncline_canopen::time::Duration;
+use syncline_canopen::{BIT_RATES, NodeId};
 
 /// The twin in the registry.
 pub(super) static KIND: Kind = Kind {
     name: "cia401",
     title: "CiA 401",
-    bitrates: &[
-        10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
-    ],
+    bitrates: BIT_RATES,
     dictionary: CIA401,
     make: |config| Box::new(Twin::new(config.into())),
 };

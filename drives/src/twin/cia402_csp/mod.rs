@@ -48,15 +48,13 @@ use syncline_canopen::cia402::{State, Statusword};
 use syncline_canopen::dictionary::{Dictionary, Entry};
 use syncline_canopen::node::Options;
 use syncline_canopen::time::Duration;
-use syncline_canopen::{Address, NodeId};
+use syncline_canopen::{Address, BIT_RATES, NodeId};
 
 /// The twin in the registry.
 pub(super) static KIND: Kind = Kind {
     name: "cia402_csp",
     title: "CiA 402 CSP",
-    bitrates: &[
-        10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
-    ],
+    bitrates: BIT_RATES,
     dictionary: CIA402_CSP,
     make: |config| {
         Box::new(Twin::new(TwinConfig::in_mode(

@@ -20,15 +20,13 @@ use syncline_canopen::emcy::{Emergency, register};
 use syncline_canopen::node::{Application, BootUp, Options, Origin};
 use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::time::Duration;
-use syncline_canopen::{Address, Instant, NodeId, nmt};
+use syncline_canopen::{Address, BIT_RATES, Instant, NodeId, nmt};
 
 /// The twin in the registry.
 pub(super) static KIND: Kind = Kind {
     name: "cia406",
     title: "CiA 406",
-    bitrates: &[
-        10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
-    ],
+    bitrates: BIT_RATES,
     dictionary: CIA406,
     make: |config| Box::new(Twin::new(config.into())),
 };
@@ -288,10 +286,7 @@ impl Firmware for Encoder {
             Disturbance::Fault(class) if class > ErrorClass::Warning => self.fail(true),
             Disturbance::FaultPersists(persists) if !persists => self.fail(false),
             Disturbance::RefuseWrite(address, code) => self.tampering.refuse(address, code),
-            Disturbance::Vendor(id) => {
-                let vendor = Address::new(0x1018, 1);
-                self.tampering.preset(&mut self.objects, vendor, id.into());
-            }
+            Disturbance::Vendor(id) => self.tampering.preset_vendor(&mut self.objects, id),
             // It has no power stage, no motor, no other channel and no inputs.
             _ => {}
         }

@@ -37,6 +37,11 @@ impl Tampering {
         self.show(objects);
     }
 
+    /// The device says from now on that this maker made it.
+    pub fn preset_vendor(&mut self, objects: &mut Dictionary, id: u32) {
+        self.preset(objects, Address::new(0x1018, 1), id.into());
+    }
+
     /// Brings the changed values back, after a reset has shown the table's.
     pub fn show(&self, objects: &mut Dictionary) {
         for &(Address { index, sub }, value) in &self.presets {

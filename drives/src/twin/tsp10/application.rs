@@ -12,7 +12,7 @@ use syncline_canopen::dictionary::{Dictionary, Row};
 use syncline_canopen::emcy::{Emergency, register};
 use syncline_canopen::node::{Application, CommunicationError, Origin};
 use syncline_canopen::sdo::AbortCode;
-use syncline_canopen::{Address, CobId, Frame, Instant, nmt};
+use syncline_canopen::{CobId, Frame, Instant, nmt};
 
 impl Application for Drive {
     fn objects(&self) -> &Dictionary {
@@ -126,10 +126,7 @@ impl Firmware for Drive {
             Disturbance::FaultPersists(persists) => self.cause_persists = persists,
             Disturbance::FoundEnabled => self.enter(State::OperationEnabled),
             Disturbance::RefuseWrite(address, code) => self.tampering.refuse(address, code),
-            Disturbance::Vendor(id) => {
-                let vendor = Address::new(0x1018, 1);
-                (self.tampering).preset(&mut self.objects, vendor, id.into());
-            }
+            Disturbance::Vendor(id) => self.tampering.preset_vendor(&mut self.objects, id),
             // It has no other channel and no inputs to be told here, and switches on at once.
             _ => {}
         }
