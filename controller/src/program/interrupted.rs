@@ -45,27 +45,27 @@ impl Interrupted {
     /// tells what it begins with, and waits for cycle start before it moves or switches anything.
     #[must_use]
     pub fn resume(&self, programs: &Programs, now: InEffect) -> Program {
-        let mut program = self.program.apart();
+        let mut program = self.entered(now);
         program.setup.tables = programs.setup.tables.clone();
+        program.wait_at_the_line()
+    }
+
+    /// What lines that are typed in begin with where the program rests.
+    pub(super) fn memory(&self) -> Result<Memory, ProgramError> {
+        let program = self.entered(InEffect::default());
+        let (interpreter, _) = program.interpret(gcode::Point::ZERO.0)?;
+        Ok(interpreter.memory())
+    }
+
+    /// The program, entered where it was interrupted.
+    fn entered(&self, now: InEffect) -> Program {
+        let mut program = self.program.apart();
         program.entered = Some(Entered::At {
             start: self.start,
             place: self.place,
             line: self.line,
             now,
         });
-        program.wait_at_the_line()
-    }
-
-    /// What lines that are typed in begin with where the program rests.
-    pub(super) fn memory(&self) -> Result<Memory, ProgramError> {
-        let mut program = self.program.apart();
-        program.entered = Some(Entered::At {
-            start: self.start,
-            place: self.place,
-            line: self.line,
-            now: InEffect::default(),
-        });
-        let (interpreter, _) = program.interpret(gcode::Point::ZERO.0)?;
-        Ok(interpreter.memory())
+        program
     }
 }

@@ -379,15 +379,9 @@ impl Programs {
         &self.setup.memory
     }
 
-    /// The coordinates in which the next program begins.
+    /// The coordinates in which begins what this memory is left to.
     #[must_use]
-    pub fn coordinates(&self) -> gcode::WorkCoordinates {
-        self.setup.memory.coordinates(&self.setup.tables)
-    }
-
-    /// Those in which lines begin that something of this memory is left to.
-    #[must_use]
-    pub fn coordinates_of(&self, memory: &gcode::Memory) -> gcode::WorkCoordinates {
+    pub fn coordinates(&self, memory: &gcode::Memory) -> gcode::WorkCoordinates {
         memory.coordinates(&self.setup.tables)
     }
 

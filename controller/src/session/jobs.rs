@@ -79,7 +79,7 @@ impl Jobs {
 
     /// The coordinates of such lines.
     pub(super) fn coordinates(&self) -> WorkCoordinates {
-        self.programs.coordinates_of(self.memory())
+        self.programs.coordinates(self.memory())
     }
 
     /// The program that is loaded.
