@@ -325,6 +325,52 @@ fn load_whole(which: usize, eds: &Eds) -> Result<Machine, String> {
     loaded.map_err(|error| error.to_string())
 }
 
+/// Has one thing of an object of a data sheet not be as it has to for what it is used for, and says how that is told;
+/// `None` where it is nothing to that use.
+fn broken(
+    eds: &mut Eds,
+    (index, sub): (u16, u8),
+    uses: &str,
+    breach: u8,
+    other_type: u16,
+) -> Option<&'static str> {
+    let object = eds.objects.get_mut(&index).unwrap();
+    let parameter = object.subs.get_mut(&sub).unwrap();
+    let does = |what| uses.contains(what);
+    Some(match breach {
+        0 => {
+            object.subs.remove(&sub);
+            if object.subs.is_empty() {
+                eds.objects.remove(&index);
+            }
+            "is not there"
+        }
+        1 => {
+            parameter.data_type = other_type;
+            parameter.default = None;
+            (parameter.low, parameter.high) = (None, None);
+            "is of type"
+        }
+        2 if does('w') => {
+            parameter.access = Access::Ro;
+            "cannot be written"
+        }
+        3 if does('r') => {
+            parameter.access = Access::Wo;
+            "cannot be read"
+        }
+        4 if does('R') => {
+            parameter.pdo_mapping = false;
+            "cannot be mapped into an R_PDO"
+        }
+        4 if does('T') => {
+            parameter.pdo_mapping = false;
+            "cannot be mapped into a T_PDO"
+        }
+        _ => return None,
+    })
+}
+
 proptest! {
     /// A data sheet in which one object that is used is not as it has to be: refused, and the object is named.
     #[test]
@@ -336,37 +382,9 @@ proptest! {
     ) {
         prop_assume!(drives[which]);
         let mut eds = whole(which);
-        let object = eds.objects.get_mut(&index).unwrap();
-        let parameter = object.subs.get_mut(&sub).unwrap();
-        let does = |what| uses.contains(what);
-        let told = match breach {
-            0 => "is not there",
-            1 => {
-                parameter.data_type = other_type;
-                parameter.default = None;
-                (parameter.low, parameter.high) = (None, None);
-                "is of type"
-            }
-            2 if does('w') => {
-                parameter.access = Access::Ro;
-                "cannot be written"
-            }
-            3 if does('r') => {
-                parameter.access = Access::Wo;
-                "cannot be read"
-            }
-            4 if does('R') || does('T') => {
-                parameter.pdo_mapping = false;
-                "cannot be mapped into"
-            }
-            _ => return Ok(()),
+        let Some(told) = broken(&mut eds, (index, sub), uses, breach, other_type) else {
+            return Ok(());
         };
-        if breach == 0 {
-            object.subs.remove(&sub);
-            if object.subs.is_empty() {
-                eds.objects.remove(&index);
-            }
-        }
         let loaded = load_whole(which, &eds);
         let name = format!("{index:04X}h:{sub:X}");
         match loaded {
@@ -480,37 +498,9 @@ proptest! {
         breach in 0..5u8,
     ) {
         let mut eds = Eds::of(CIA406);
-        let object = eds.objects.get_mut(&index).unwrap();
-        let parameter = object.subs.get_mut(&sub).unwrap();
-        let does = |what| uses.contains(what);
-        let told = match breach {
-            0 => "is not there",
-            1 => {
-                parameter.data_type = 0x1B;
-                parameter.default = None;
-                (parameter.low, parameter.high) = (None, None);
-                "is of type"
-            }
-            2 if does('w') => {
-                parameter.access = Access::Ro;
-                "cannot be written"
-            }
-            3 if does('r') => {
-                parameter.access = Access::Wo;
-                "cannot be read"
-            }
-            4 if does('T') => {
-                parameter.pdo_mapping = false;
-                "cannot be mapped into a T_PDO"
-            }
-            _ => return Ok(()),
+        let Some(told) = broken(&mut eds, (index, sub), uses, breach, 0x1B) else {
+            return Ok(());
         };
-        if breach == 0 {
-            object.subs.remove(&sub);
-            if object.subs.is_empty() {
-                eds.objects.remove(&index);
-            }
-        }
         let wrong = load_encoder("", &eds).map(|_| ()).unwrap_err();
         let name = format!("{index:04X}h:{sub:X}");
         prop_assert!(wrong.contains("encoder \"scale\"") && wrong.contains(&name) && wrong.contains(told), "{name} {told}\n{wrong}");
