@@ -98,6 +98,7 @@ class Program(TypedDict):
     turned_deg: float
     capped_moves: int
     arc_deviation_mm: float
+    known_to_line: int | None
 
 class Checked(TypedDict):
     machine: str

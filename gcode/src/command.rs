@@ -95,6 +95,9 @@ pub enum Action {
     Message(String),
     /// Rest until an input of the machine is there (M66).
     AwaitInput(InputWait),
+    /// Come to rest and tell what the inputs and outputs of the machine are (`#<_hal[…]>`). The program goes on once
+    /// that is known.
+    ReadSignals,
     /// How the path is followed from here on (G61, G61.1, G64).
     PathMode(PathMode),
     /// The end of the program (M2, M30, closing `%`, end of file): always the last command.

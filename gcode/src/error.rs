@@ -77,20 +77,6 @@ impl Origin {
 }
 
 impl Fault {
-    /// Of a named parameter without a value.
-    pub(crate) fn of_unset(name: &str) -> Fault {
-        Fault::of_others(name).unwrap_or_else(|| Fault::ParameterUnset(name.to_owned()))
-    }
-
-    /// Of a name that leads to LinuxCNC's HAL or INI file: `_hal[…]`, `_ini[…]…`.
-    pub(crate) fn of_others(name: &str) -> Option<Fault> {
-        match name.split_once('[')?.0 {
-            "_hal" => Some(Fault::Pin(name.to_owned())),
-            "_ini" => Some(Fault::IniValue(name.to_owned())),
-            _ => None,
-        }
-    }
-
     /// Whether nothing can be said of the program behind it.
     pub(crate) fn ends_reading(&self) -> bool {
         matches!(
@@ -154,13 +140,21 @@ pub enum Fault {
     ParameterIndex(f64),
     #[error("parameter #<{0}> has no value: set it first")]
     ParameterUnset(String),
+    #[error("the machine file has no {name}: {nearest}")]
+    NoSuchName { name: String, nearest: String },
+    #[error("{0} is no number in the machine file: only numbers, true and false can be read")]
+    NoNumber(String),
+    #[error("the machine file has several {0}, in which case means nothing: rename all but one")]
+    SeveralNamed(String),
     #[error(
-        "#<{0}> is a pin of another controller: wait for an input with M66 P, switch an output with M64 and M65 P, \
-         by their numbers in the machine file"
+        "{0} cannot be set: switch an output with M62 to M65 P, M67 or M68 E, by its number in the machine file"
     )]
-    Pin(String),
-    #[error("#<{0}> is from another controller's INI file: write the value itself")]
-    IniValue(String),
+    SignalSet(String),
+    #[error(
+        "what #<_hal[…]> is cannot be known while G41 or G42 is on, as that reads ahead: set a parameter to it \
+         before"
+    )]
+    ReadCompensated,
     #[error(
         "#5399 is not known while the program is read: M66 leaves the path at rest where its input \
          does not come"
@@ -334,6 +328,11 @@ pub enum Fault {
          tools lead it elsewhere: begin at a line that you choose"
     )]
     ResumeElsewhere { line: u32 },
+    #[error(
+        "line {line} is behind a block with #<_hal[…]>, and what that would read is not known: begin where that \
+         is, or before"
+    )]
+    BeginRead { line: u32 },
 
     // Splines.
     #[error("{code} is a curve in X and Y: write G17 before")]

@@ -18,6 +18,7 @@ use super::expression::{Scope, Value};
 use super::lexer::Columns;
 use super::messages::message;
 use super::modal::{Code, Group, Modes, ProgrammedFeed};
+use super::names::is_signal;
 use super::parameters::{self, Parameters};
 use super::saved::SavedModes;
 use super::spline::Nurbs;
@@ -79,6 +80,8 @@ pub(crate) struct State {
     pub(crate) line: u32,
     /// What M70 and M73 have saved: of the main program, then of each subroutine that is open.
     pub(crate) saved: Vec<Option<SavedModes>>,
+    /// What the inputs and outputs of the machine are, where the block that is being executed reads them.
+    pub(crate) signals: Option<Vec<f64>>,
     /// Working memory: the values of an expression, and each setting's index and value.
     stack: Vec<f64>,
     settings: Vec<(f64, f64)>,
@@ -100,6 +103,7 @@ impl State {
             nurbs: None,
             nurbs_start: None,
             line: 0,
+            signals: None,
             stack: Vec::new(),
             settings: Vec::new(),
         }
@@ -323,8 +327,12 @@ impl State {
         if self.system_named(name).is_some() {
             return Err(Fault::ParameterReadOnly(format!("#<{name}>")));
         }
-        if let Some(fault) = Fault::of_others(name) {
-            return Err(fault);
+        let written = || format!("#<{name}>");
+        if is_signal(name) {
+            return Err(Fault::SignalSet(written()));
+        }
+        if name.starts_with("_ini[") {
+            return Err(Fault::ParameterReadOnly(written()));
         }
         self.parameters.set_named(name, value);
         Ok(())
@@ -357,6 +365,11 @@ impl Scope for State {
         self.parameters
             .named(name)
             .or_else(|| self.system_named(name))
+            .or_else(|| self.setup.names.value(name, self.signals.as_deref()))
+    }
+
+    fn refusal(&self, name: &str) -> Option<Fault> {
+        self.setup.names.refusal(name)
     }
 }
 

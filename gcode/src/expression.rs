@@ -5,6 +5,8 @@ use std::ops::Range;
 use super::block::Block;
 use super::error::{Fault, Refusal};
 use super::lexer::Columns;
+use super::messages::shows_signal;
+use super::names::is_signal;
 
 /// How far apart two numbers may be and still be `EQ` (RS-274/NGC in LinuxCNC: 1e-6).
 const EQUAL: f64 = 1e-6;
@@ -171,11 +173,32 @@ pub(crate) trait Scope {
     /// A numbered parameter, or why there is none.
     fn numbered(&self, index: f64) -> Result<f64, Fault>;
 
-    /// A named parameter, if it was set.
+    /// A named parameter, if it has a value.
     fn named(&self, name: &str) -> Option<f64>;
+
+    /// Why a named parameter has no value; `None` for one that only is not known yet.
+    fn refusal(&self, name: &str) -> Option<Fault>;
 }
 
 impl Block {
+    /// Whether it has to be known what inputs and outputs of the machine are before the block is executed: an
+    /// expression reads one, or a message shows one.
+    pub(crate) fn reads_signals(&self) -> bool {
+        let mut comments = self.tokens.comments.iter();
+        self.signals().next().is_some() || comments.any(|at| shows_signal(&self.text[at.clone()]))
+    }
+
+    /// The names of inputs and outputs that its expressions read.
+    pub(crate) fn signals(&self) -> impl Iterator<Item = (&str, Columns)> {
+        self.steps
+            .iter()
+            .filter_map(|step| match &step.operation {
+                Operation::Named(name) => Some((self.name(name), step.columns)),
+                _ => None,
+            })
+            .filter(|(name, _)| is_signal(name))
+    }
+
     /// Evaluates one of the block's values; `stack` is working memory.
     pub(crate) fn evaluate(
         &self,
@@ -191,10 +214,13 @@ impl Block {
                 Operation::Numbered => scope.numbered(pop()),
                 Operation::Named(name) => {
                     let name = self.name(name);
-                    scope.named(name).ok_or_else(|| Fault::of_unset(name))
+                    let unset = || Fault::ParameterUnset(name.to_owned());
+                    (scope.named(name)).ok_or_else(|| scope.refusal(name).unwrap_or_else(unset))
                 }
                 Operation::Exists(name) => {
-                    Ok(f64::from(u8::from(scope.named(self.name(name)).is_some())))
+                    let name = self.name(name);
+                    let exists = scope.named(name).is_some() || scope.refusal(name).is_none();
+                    Ok(f64::from(u8::from(exists)))
                 }
                 Operation::Negate => Ok(-pop()),
                 Operation::Function(function) => finite(function.apply(pop())),

@@ -9,7 +9,7 @@ use std::fs::File;
 
 use super::block::{Block, Flow, Label, Statement};
 use super::error::{Fault, Refusal};
-use super::interpreter::{Interpreter, ProgramFile};
+use super::interpreter::{Deferred, Interpreter, ProgramFile};
 use super::lexer::Columns;
 use super::parameters::Caller;
 use super::source::Place;
@@ -105,6 +105,10 @@ impl Interpreter {
 
     /// Executes the flow statement of the block; `this` is where its line starts.
     pub(super) fn execute_flow(&mut self, flow: &Flow, this: At) -> Result<(), Refusal> {
+        // An ELSEIF that is come to ends a branch that was taken.
+        if flow.statement != Statement::ElseIf && self.wants_signals() {
+            return self.read_signals(Deferred::Block(this));
+        }
         let columns = flow.columns;
         let label = self.label(flow)?;
         match flow.statement {
@@ -242,6 +246,9 @@ impl Interpreter {
             })?;
             let statement = self.block.flow.as_ref().map(|flow| flow.statement);
             let taken = match statement {
+                Some(Statement::ElseIf) if self.wants_signals() => {
+                    return self.read_signals(Deferred::Branch { label, columns });
+                }
                 Some(Statement::ElseIf) => self.condition()?,
                 Some(Statement::Else) => true,
                 _ => return Ok(()),
@@ -249,6 +256,14 @@ impl Interpreter {
             if taken {
                 return self.enter(label, Kind::If, columns);
             }
+        }
+    }
+
+    /// Goes on with an ELSEIF of a false IF once it is known what that reads.
+    pub(super) fn take_branch(&mut self, label: String, columns: Columns) -> Result<(), Refusal> {
+        match self.condition()? {
+            true => self.enter(label, Kind::If, columns),
+            false => self.find_branch(label, columns),
         }
     }
 

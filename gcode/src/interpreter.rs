@@ -25,8 +25,9 @@ use super::tables::Tables;
 /// Interprets a program block by block: an iterator of its commands, with memory for one block.
 ///
 /// The last command is [`Action::End`]; an error is the last item, and nothing of its block was
-/// handed out before it. Behind [`Action::Probe`] and [`Action::Home`] nothing comes before it is known what came of
-/// that ([`probed`](Self::probed), [`homed`](Self::homed)).
+/// handed out before it. Behind [`Action::Probe`], [`Action::Home`] and [`Action::ReadSignals`] nothing comes before
+/// it is known what came of that ([`probed`](Self::probed), [`homed`](Self::homed),
+/// [`signals_read`](Self::signals_read)).
 pub struct Interpreter {
     /// The program, then the files of subroutines that it called.
     pub(super) files: Vec<ProgramFile>,
@@ -65,6 +66,8 @@ pub struct Interpreter {
     percent: bool,
     /// What was handed out, while it is not known what came of it.
     awaits: Option<Awaited>,
+    /// What goes on once inputs and outputs are known.
+    deferred: Option<Deferred>,
     /// M2, or what is as good.
     program_ended: bool,
     ended: bool,
@@ -75,6 +78,16 @@ pub struct Interpreter {
 enum Awaited {
     Probing,
     Homing,
+    /// What the inputs and outputs of the machine are.
+    Signals,
+}
+
+/// What reads inputs and outputs of the machine, and waits for them.
+pub(super) enum Deferred {
+    /// The block, which begins there.
+    Block(At),
+    /// The condition of the block, an ELSEIF of the IF with this label, which stands there.
+    Branch { label: String, columns: Columns },
 }
 
 /// A file and its name.
@@ -144,9 +157,15 @@ impl Interpreter {
             words_seen: false,
             percent: false,
             awaits: None,
+            deferred: None,
             program_ended: false,
             ended: false,
         }
+    }
+
+    /// The line that was read last.
+    pub fn line(&self) -> u32 {
+        self.line
     }
 
     /// The text of the block that was read last: of the last command, but under G41 and G42, where
@@ -177,9 +196,14 @@ impl Interpreter {
         self.pending.iter().map(|command| &command.action)
     }
 
-    /// Whether a probing or a homing was handed out, and it is not known what came of it.
+    /// Whether what comes next is not known before the machine has come to where the program is.
     pub fn awaits_machine(&self) -> bool {
         self.awaits.is_some()
+    }
+
+    /// Whether a probing or a homing was handed out, and it is not known what came of it.
+    pub fn awaits_search(&self) -> bool {
+        matches!(self.awaits, Some(Awaited::Probing | Awaited::Homing))
     }
 
     /// Whether that is a homing.
@@ -199,6 +223,18 @@ impl Interpreter {
         self.awaits = None;
         self.state.probed(probed);
         (self.settled_at, self.idle_at) = (probed.at, probed.at);
+    }
+
+    /// Whether a block was come to that reads inputs and outputs, and it is not known what they are.
+    pub fn awaits_signals(&self) -> bool {
+        self.awaits == Some(Awaited::Signals)
+    }
+
+    /// Goes on with a block that reads inputs and outputs: what they are, in the order of
+    /// [`MachineNames::new`](super::MachineNames::new).
+    pub fn signals_read(&mut self, signals: Vec<f64>) {
+        self.awaits = None;
+        self.state.signals = Some(signals);
     }
 
     /// Offsets, reference points and tools as the program left them so far. The caller saves them
@@ -273,7 +309,8 @@ impl Interpreter {
     /// compensated contour. If it is a homing, the axes that are homed there stay where they are up to that.
     ///
     /// # Errors
-    /// A block before the place is refused, a probing is passed, or the program does not come to the place any more.
+    /// A block before the place is refused, a probing or a block that reads inputs is passed, or the program does not come
+    /// to the place any more.
     pub fn enter_at(&mut self, place: &Place, here: Point, now: &InEffect) -> Result<Entry, Error> {
         let passed = self.pass_to(place);
         let passed = passed.map_err(|refusal| self.error(refusal))?;
@@ -309,6 +346,7 @@ impl Interpreter {
             }
             match &command.action {
                 Action::Probe { .. } => return refuse(Fault::BeginProbed { line }),
+                Action::ReadSignals => return refuse(Fault::BeginRead { line }),
                 Action::End => return refuse(Fault::ResumeElsewhere { line }),
                 action => passed.pass(action),
             }
@@ -328,11 +366,13 @@ impl Interpreter {
                 break;
             }
             self.step()?;
-            if (self.pending()).any(|action| matches!(action, Action::Probe { .. })) {
-                return Err(Refusal::new(
-                    self.block.columns(),
-                    Fault::BeginProbed { line },
-                ));
+            let unknown = self.pending().find_map(|action| match action {
+                Action::Probe { .. } => Some(Fault::BeginProbed { line }),
+                Action::ReadSignals => Some(Fault::BeginRead { line }),
+                _ => None,
+            });
+            if let Some(fault) = unknown {
+                return Err(Refusal::new(self.block.columns(), fault));
             }
             self.passed += self.pending.len() as u64;
             for command in self.pending.drain(..) {
@@ -372,8 +412,36 @@ impl Interpreter {
         Ok(())
     }
 
+    /// Whether it has to be known what inputs and outputs are before the block is executed, and it is not.
+    pub(super) fn wants_signals(&self) -> bool {
+        self.state.signals.is_none() && self.block.reads_signals()
+    }
+
+    /// Goes on once it is known what inputs and outputs are where the path comes to rest for the block.
+    pub(super) fn read_signals(&mut self, deferred: Deferred) -> Result<(), Refusal> {
+        let names = &self.state.setup.names;
+        let unknown = |(name, columns)| Some(Refusal::new(columns, names.refusal(name)?));
+        if let Some(refusal) = self.block.signals().find_map(unknown) {
+            return Err(refusal);
+        }
+        if self.compensation.is_some() || self.state.cutter().is_some() {
+            return Err(Refusal::new(self.block.columns(), Fault::ReadCompensated));
+        }
+        self.deferred = Some(deferred);
+        self.actions.push_back(Action::ReadSignals);
+        self.settle(self.span())
+    }
+
     /// Reads and executes one block.
     fn step(&mut self) -> Result<(), Refusal> {
+        if let Some(deferred) = self.deferred.take() {
+            let done = match deferred {
+                Deferred::Block(this) => self.execute(this),
+                Deferred::Branch { label, columns } => self.take_branch(label, columns),
+            };
+            self.state.signals = None;
+            return done;
+        }
         let this = At {
             file: self.current,
             place: self.files[self.current].lines.place(),
@@ -453,6 +521,9 @@ impl Interpreter {
             self.execute_flow(&flow, this)?;
             self.words_seen = true;
             return Ok(());
+        }
+        if self.wants_signals() {
+            return self.read_signals(Deferred::Block(this));
         }
         self.words_seen |= !self.block.words.is_empty() || !self.block.settings.is_empty();
         let continuation = self.state.execute(&self.block, &mut self.actions)?;
@@ -581,6 +652,10 @@ impl Iterator for Interpreter {
             Action::Home { .. } => {
                 self.awaits = Some(Awaited::Homing);
                 (self.idle_at, true)
+            }
+            Action::ReadSignals => {
+                self.awaits = Some(Awaited::Signals);
+                (self.idle_at, false)
             }
             Action::Dwell { .. } | Action::Stop(_) => (self.idle_at, true),
             _ => (self.idle_at, false),

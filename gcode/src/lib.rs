@@ -5,7 +5,7 @@
 //! ```
 //!
 //! A line's bytes (`source`) become tokens (`lexer`), the tokens a block (`parser`, `block`).
-//! Its values are computed (`expression`, `parameters`, `system`), its words sorted into their
+//! Its values are computed (`expression`, `parameters`, `system`, `names`), its words sorted into their
 //! modal groups (`words`, `modal`) and executed (`execute`, `saved`, `switches`, `offsets`, `coordinates`,
 //! `home`, `motion`, `arc`, `spline`, `rational`, `cycles`); O-words lead on to other blocks (`flow`). Under G41 and G42 the contour becomes the way
 //! of the tool's centre (`compensation`). Where a program begins in the middle, outputs are what its first
@@ -33,6 +33,7 @@ mod memory;
 mod messages;
 mod modal;
 mod motion;
+mod names;
 mod offsets;
 mod outputs;
 mod parameters;
@@ -62,6 +63,7 @@ pub use interpreter::Interpreter;
 pub use lexer::Columns;
 pub use memory::Memory;
 pub use modal::{Code, Modes, Motion, ProgrammedFeed};
+pub use names::MachineNames;
 pub use probe::Probed;
 pub use source::{Input, MAX_LINE};
 pub use spline::Spline;
@@ -92,6 +94,8 @@ pub struct Setup {
     pub typed: bool,
     /// Digital inputs that M66 can wait for: bit 0 is P0.
     pub inputs: u64,
+    /// What can be read by name: `#<_hal[…]>`, `#<_ini[…]…>`.
+    pub names: std::sync::Arc<MachineNames>,
     /// Whether there is a probe for G38.2 to G38.5.
     pub has_probe: bool,
     /// By [`Axis::index`], what G28.2 does with the axis; `None`: it knows where it is.
@@ -121,6 +125,7 @@ impl Setup {
             memory: Memory::default(),
             typed: false,
             inputs: 0,
+            names: std::sync::Arc::default(),
             has_probe: false,
             homed: [None; 9],
             spindle_speeds: None,

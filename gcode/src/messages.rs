@@ -7,6 +7,7 @@
 use std::fmt::Write as _;
 
 use super::expression::Scope;
+use super::names::is_signal;
 
 /// What a comment tells the operator; `None` if it is for readers of the program alone. `stops`: the program
 /// waits for the operator at its block.
@@ -19,6 +20,29 @@ pub(crate) fn message(comment: &str, stops: bool, scope: &impl Scope) -> Option<
         _ => return None,
     };
     Some(text).filter(|text| !text.is_empty())
+}
+
+/// Whether a comment is a message that shows an input or output of the machine by its name.
+pub(crate) fn shows_signal(comment: &str) -> bool {
+    let Some((word, text)) = comment.split_once(',') else {
+        return false;
+    };
+    let shows_values = matches!(&*word.trim().to_ascii_uppercase(), "DEBUG" | "PRINT");
+    let mut names = text.split("#<").skip(1);
+    shows_values
+        && names.any(|name| {
+            name.split_once('>')
+                .is_some_and(|(name, _)| is_signal(&plain(name)))
+        })
+}
+
+/// A name as expressions have it: lower case, without blanks.
+fn plain(name: &str) -> String {
+    let blank = |character: &char| !character.is_whitespace();
+    name.chars()
+        .filter(blank)
+        .collect::<String>()
+        .to_lowercase()
 }
 
 /// The text with the values of its parameters. What is none stays as it is written: a comment is no mistake.
@@ -46,9 +70,7 @@ fn parameter(text: &str, scope: &impl Scope) -> Option<(usize, Option<f64>)> {
     let behind = text.strip_prefix('#')?;
     if let Some(name) = behind.strip_prefix('<') {
         let end = name.find('>')?;
-        let blank = |character: &char| !character.is_whitespace();
-        let plain: String = name[..end].chars().filter(blank).collect();
-        return Some((end + 3, scope.named(&plain.to_lowercase())));
+        return Some((end + 3, scope.named(&plain(&name[..end]))));
     }
     let digits = behind.bytes().take_while(u8::is_ascii_digit).count();
     let number = behind[..digits].parse().ok()?;
@@ -73,6 +95,10 @@ mod tests {
 
         fn named(&self, name: &str) -> Option<f64> {
             (name == "depth").then_some(-12.5)
+        }
+
+        fn refusal(&self, name: &str) -> Option<Fault> {
+            Some(Fault::ParameterUnset(name.to_owned()))
         }
     }
 

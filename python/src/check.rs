@@ -17,7 +17,8 @@ use syncline_controller::program::{Extent, Programs};
 /// Returns what the input amounts to: `machine`, its name; `axes`, their names; `bus`, of each `name`, `bit_rate`
 /// (bit/s), `cycle_s` (s) and `demand_s`, what of that is taken in the worst case (s); with a program `program`: `blocks`,
 /// `length_mm` (mm), `turned_deg` where A, B and C turn alone (degrees), `capped_moves`, how many ask for a higher feed
-/// than the axes can, and `arc_deviation_mm`, the greatest change of an arc so that its ends are exact (mm).
+/// than the axes can, `arc_deviation_mm`, the greatest change of an arc so that its ends are exact (mm), and
+/// `known_to_line`, from which on nothing is known before the machine has probed or read its inputs.
 ///
 /// Raises `SynclineError` with every mistake, as `syncline check` tells it.
 #[pyfunction]
@@ -55,6 +56,7 @@ pub(crate) fn check<'py>(
         program.set_item("turned_deg", extent.turned)?;
         program.set_item("capped_moves", extent.capped.moves)?;
         program.set_item("arc_deviation_mm", extent.arc_deviation.0)?;
+        program.set_item("known_to_line", extent.known_to)?;
         result.set_item("program", program)?;
     }
     Ok(result)

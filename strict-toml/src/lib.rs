@@ -41,10 +41,12 @@ mod diagnostic;
 pub mod replace;
 mod set;
 mod table;
+mod values;
 
 pub use diagnostic::{Diagnostic, Invalid, Log};
 pub use set::{SetError, set};
 pub use table::{Found, Table, integer, nearest, one_of};
+pub use values::values;
 
 use std::fs::File;
 use std::io::{self, Read};

@@ -563,7 +563,7 @@ pub fn integer(value: &DeValue<'_>) -> Option<i64> {
 }
 
 /// A finite number, whole or not.
-fn number(value: &DeValue<'_>) -> Option<f64> {
+pub(super) fn number(value: &DeValue<'_>) -> Option<f64> {
     let number = match value {
         DeValue::Float(float) => float.as_str().parse::<f64>().ok()?,
         _ => integer(value)? as f64,

@@ -60,6 +60,12 @@ impl Args {
                 extent.blocks,
                 extent.length
             );
+            if let Some(line) = extent.known_to {
+                println!(
+                    "from line {line} on checked as it runs: what the program does next hangs on what the machine \
+                     finds there"
+                );
+            }
             let CappedFeeds { moves, line, part } = extent.capped;
             if moves > 0 {
                 println!(

@@ -66,7 +66,7 @@ pub struct MachineFunctions {
 
 impl MachineFunctions {
     /// Whether an output is on.
-    fn is_on(&self, switch: OutputSwitch) -> bool {
+    pub(super) fn is_on(&self, switch: OutputSwitch) -> bool {
         match switch {
             OutputSwitch::Program(number) => self.digital >> number & 1 != 0,
             OutputSwitch::Spindle => self.spindle.turning != Turning::Off,
@@ -91,7 +91,7 @@ impl MachineFunctions {
     }
 
     /// What an analog output puts out.
-    fn value(&self, source: AnalogSource) -> f64 {
+    pub(super) fn value(&self, source: AnalogSource) -> f64 {
         match source {
             AnalogSource::Program(number) => self.analog[usize::from(number)],
             AnalogSource::SpindleSpeed if self.spindle.turning == Turning::Off => 0.0,

@@ -5,8 +5,9 @@
 //! an open door forbids it forbids by its level, and so does an enable that is off.
 
 use super::fault::Fault;
+use super::functions::MachineFunctions;
 use super::{Controller, Event, Goal, HomingFailure, Phase, Request, State};
-use crate::machine::{Input, InputMeaning};
+use crate::machine::{AnalogSource, Input, InputMeaning, MOST_INPUTS, OutputSwitch};
 use std::sync::Arc;
 use std::time::Duration;
 use syncline_gcode::Until;
@@ -69,6 +70,42 @@ impl Inputs {
     /// Whether it is on; an input that was not seen yet is off.
     fn is_on(&self, input: InputIndex) -> bool {
         self.0[input].level == Some(true)
+    }
+}
+
+/// An input or output of the machine, as a program reads it by its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Signal {
+    /// A digital input.
+    Input(InputIndex),
+    /// A digital output, by what switches it.
+    Output(OutputSwitch),
+    /// An analog output, by what it puts out.
+    Analog(AnalogSource),
+}
+
+/// What the inputs and outputs are where the program reads them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SignalLevels {
+    /// Counts the readings of a job, from 1.
+    pub number: u32,
+    /// A bit for each input.
+    inputs: [u64; MOST_INPUTS.div_ceil(64)],
+    outputs: MachineFunctions,
+}
+
+impl SignalLevels {
+    /// What one of them is: 1 for on, 0 for off, or the value of an analog output.
+    #[must_use]
+    pub fn of(&self, signal: Signal) -> f64 {
+        let on = match signal {
+            Signal::Input(index) => self.inputs[index / 64] >> (index % 64) & 1 != 0,
+            // Programs run while drives are enabled.
+            Signal::Output(OutputSwitch::EnableChain) => true,
+            Signal::Output(switch) => self.outputs.is_on(switch),
+            Signal::Analog(source) => return self.outputs.value(source),
+        };
+        f64::from(u8::from(on))
     }
 }
 
@@ -160,6 +197,26 @@ impl<const N: usize> Controller<N> {
             input.meaning == InputMeaning::Door && self.inputs.is_on(*index)
         });
         open.map(|(index, _)| index)
+    }
+
+    /// What the inputs and outputs are, for the program's reading with this number; the path goes on.
+    pub(super) fn read_signals(&mut self, number: u32) {
+        let mut levels = SignalLevels {
+            number,
+            inputs: [0; MOST_INPUTS.div_ceil(64)],
+            outputs: self.switches.functions,
+        };
+        for index in (0..self.layout.inputs.len()).filter(|&index| self.inputs.is_on(index)) {
+            levels.inputs[index / 64] |= 1 << (index % 64);
+        }
+        self.signals_read = Some(levels);
+        self.executor.pass();
+    }
+
+    /// What the last reading of the job found.
+    #[must_use]
+    pub fn signals_read(&self) -> Option<&SignalLevels> {
+        self.signals_read.as_ref()
     }
 
     /// Whether the input that the path rests for is there; `None` while neither it nor the time has come.

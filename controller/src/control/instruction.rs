@@ -87,6 +87,13 @@ pub enum StopPoint {
         /// Program line.
         line: u32,
     },
+    /// The program goes on with what the inputs and outputs are.
+    ReadSignals {
+        /// As in [`SignalLevels::number`](super::SignalLevels::number).
+        number: u32,
+        /// Program line.
+        line: u32,
+    },
     /// What comes next in the program cannot be run: a fault.
     Broken,
 }
@@ -99,6 +106,7 @@ impl StopPoint {
             Self::AwaitInput { line, .. }
             | Self::PointToPoint { line, .. }
             | Self::UserCode { line, .. }
+            | Self::ReadSignals { line, .. }
             | Self::Probe { line }
             | Self::Home { line } => Some(line),
             Self::Pause { .. } | Self::End | Self::Rest | Self::Broken => None,

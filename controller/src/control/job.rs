@@ -95,6 +95,7 @@ impl<const N: usize> Controller<N> {
         self.stop_point = None;
         self.calls.restart();
         self.probing.abort();
+        self.signals_read = None;
         self.pause_told = false;
         self.unplanned = 0;
         let mut events = event_sink(&mut self.events);

@@ -61,7 +61,7 @@ pub use event::{Event, Pause, Phase};
 pub use fault::Fault;
 pub use functions::{MachineFunctions, Switch};
 pub use homing::{HomingFailure, LostReference, NotRecalled};
-pub use inputs::{InputIndex, InputWait};
+pub use inputs::{InputIndex, InputWait, Signal, SignalLevels};
 pub use instruction::{Instruction, StopPoint};
 pub use job::{Job, JobKind, Outcome};
 pub use jogs::HOLD_TO_RUN;
@@ -254,6 +254,8 @@ pub struct Controller<const N: usize> {
     /// The move that the path waits for.
     positioning: Option<point_to_point::Progress>,
     probing: Probing<N>,
+    /// What the job's last reading of inputs and outputs found.
+    signals_read: Option<SignalLevels>,
     switches: Switches,
     spindle: SpindleWatch,
     inputs: Inputs,
@@ -333,6 +335,7 @@ impl<const N: usize> Controller<N> {
             homing: Homing::new(layout.axes.iter().map(|axis| axis.drives.len())),
             positioning: None,
             probing: Probing::new(),
+            signals_read: None,
             switches: Switches::new(&layout),
             spindle: SpindleWatch::new(&layout),
             inputs: Inputs::new(&layout.inputs, layout.cycle),

@@ -408,6 +408,9 @@ impl<const N: usize> Controller<N> {
             }
             Some(StopPoint::Probe { line }) => self.begin_probing(line),
             Some(StopPoint::Home { line }) => self.begin_program_homing(line),
+            // In a hold an operator may change them.
+            Some(StopPoint::ReadSignals { .. }) if self.executor.is_held() => {}
+            Some(StopPoint::ReadSignals { number, .. }) => self.read_signals(number),
             Some(StopPoint::End) if self.stays_on => self.rest_after(Outcome::Finished),
             Some(StopPoint::Broken) if self.stays_on => self.rest_after(Outcome::Broken),
             Some(StopPoint::End) => self.go_to(Goal::Off(End::Finished)),

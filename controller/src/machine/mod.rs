@@ -28,7 +28,9 @@ pub use io_node::IoNode;
 pub use node::{Node, Seat};
 pub use probing::{ProbeCaptures, Probing};
 pub(crate) use read::TURN;
-pub use signals::{AnalogOutput, AnalogSource, Input, InputMeaning, Output, OutputSwitch};
+pub use signals::{
+    AnalogOutput, AnalogSource, Input, InputMeaning, MOST_INPUTS, Output, OutputSwitch,
+};
 pub use simulation::{Carriage, FeedAxis, Gantry, HomeSwitches, Simulation};
 pub(crate) use spindle::degrees_per_second;
 pub use spindle::{SpinUp, Spindle, SpindleDrive};
@@ -98,6 +100,8 @@ pub struct Machine {
     pub analog_outputs: Vec<AnalogOutput>,
     /// In the order of the file, each code once.
     pub user_codes: Vec<UserCode>,
+    /// What the file says: each value by its table and its key, a number or none.
+    pub values: Vec<(String, String, Option<f64>)>,
     assumptions: Vec<(&'static Model, Assumed)>,
 }
 

@@ -45,7 +45,10 @@ pub(super) fn machine(folder: &Path, source: &str) -> Result<Machine, Vec<Diagno
         .filter(|_| log.is_empty())
         .and_then(|tables| tables.join(&mut log));
     match machine {
-        Some(machine) if log.is_empty() => Ok(machine),
+        Some(machine) if log.is_empty() => Ok(Machine {
+            values: syncline_strict_toml::values(document.get_ref()),
+            ..machine
+        }),
         _ => Err(log.into_diagnostics()),
     }
 }
@@ -276,6 +279,7 @@ impl Tables {
             outputs,
             analog_outputs,
             user_codes: UserCodeTable::join(log, self.user_codes),
+            values: Vec::new(),
             assumptions: self.assumptions,
         };
         fits::settle_motions(log, &mut machine, &motions, &named);

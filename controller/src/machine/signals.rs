@@ -142,6 +142,9 @@ const SWITCHES: [(&str, OutputSwitch); 5] = [
 /// What analog outputs put out besides.
 const SOURCES: [(&str, AnalogSource); 1] = [("spindle_speed", AnalogSource::SpindleSpeed)];
 
+/// Inputs that a machine may have.
+pub const MOST_INPUTS: usize = 256;
+
 /// Greatest time that an input is debounced for, ms.
 const MOST_DEBOUNCE: i64 = 1000;
 
@@ -622,6 +625,13 @@ fn check_speed(
 /// All inputs, with names of their own.
 fn join_inputs(log: &mut Log<'_>, tables: Vec<InputTable>, wiring: Wiring<'_>) -> Vec<Input> {
     unique(log, "input", tables.iter().map(|table| &table.wire.name));
+    if let Some(table) = tables.get(MOST_INPUTS) {
+        log.report(
+            table.wire.name.span(),
+            format!("{}: one input too many", table.wire.title),
+            format!("allowed: {MOST_INPUTS} inputs"),
+        );
+    }
     let mut inputs = Vec::new();
     for InputTable {
         wire,

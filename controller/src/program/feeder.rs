@@ -6,7 +6,8 @@ use super::{Entered, Left, Program, ProgramError, Scale, UserCodes, place};
 use crate::control::event::describe_leg;
 use crate::control::functions::SWITCHES;
 use crate::control::{
-    Found, InputWait, Instruction, Pause, ProbeMove, StopPoint, Switch, UserCall,
+    Found, InputWait, Instruction, Pause, ProbeMove, Signal, SignalLevels, StopPoint, Switch,
+    UserCall,
 };
 use crate::machine::{COORDINATES, InputMeaning, PathTolerances, Position, SpinUp};
 use std::collections::VecDeque;
@@ -51,6 +52,10 @@ pub struct Feeder {
     searches: u32,
     /// What tells the cycle of the next one, or that the plan goes on behind the last one.
     search: Option<Instruction<COORDINATES>>,
+    /// Readings of inputs and outputs so far.
+    readings: u32,
+    /// What can be read, in the interpreter's order.
+    signals: Arc<[Signal]>,
     path_control_mode: PathControlMode,
     tolerances: PathTolerances,
     scale: Scale,
@@ -168,6 +173,8 @@ impl Program {
             bounds,
             searches: 0,
             search: None,
+            readings: 0,
+            signals: Arc::clone(&self.signals),
             path_control_mode: path_control_mode(
                 self.setup.memory.modes().path_mode,
                 tolerances,
@@ -240,8 +247,9 @@ impl Program {
 }
 
 impl Feeder {
-    /// The next instruction; after [`StopPoint::End`] or [`StopPoint::Broken`] none, behind a probing or a homing none
-    /// before it is known what came of it ([`Feeder::found`]), and none for now where enough lies before the machine.
+    /// The next instruction; after [`StopPoint::End`] or [`StopPoint::Broken`] none, behind a probing or a homing, and
+    /// where inputs are read, none before it is known what came of it ([`Feeder::found`], [`Feeder::signals_read`]),
+    /// and none for now where enough lies before the machine.
     ///
     /// # Errors
     /// The block that cannot be run. What was programmed before it still comes, and then
@@ -392,6 +400,11 @@ impl Feeder {
                 });
                 self.stop_then(StopPoint::Home { line });
             }
+            Action::ReadSignals => {
+                self.readings += 1;
+                let number = self.readings;
+                self.stop_then(StopPoint::ReadSignals { number, line });
+            }
             Action::Message(text) => self.tell(line, text.clone()),
             Action::ToolLoaded(tool) => self.switch(line, Switch::Tool(*tool)),
             Action::Spindle(spindle) => {
@@ -462,7 +475,7 @@ impl Feeder {
     /// Goes on behind a probing or a homing from where the machine rests, once it is known what came of it; a result
     /// that was taken, or is of another one, changes nothing.
     pub fn found(&mut self, found: &Found<COORDINATES>) {
-        if !self.interpreter.awaits_machine() || found.number != self.searches {
+        if !self.interpreter.awaits_search() || found.number != self.searches {
             return;
         }
         if self.interpreter.awaits_homing() {
@@ -480,6 +493,14 @@ impl Feeder {
         self.since_stop = 0;
         self.leaves = None;
         self.search = Some(Instruction::Found(found.number));
+    }
+
+    /// Goes on behind a reading of inputs and outputs with what they are; those of another one change nothing.
+    pub fn signals_read(&mut self, levels: &SignalLevels) {
+        if self.interpreter.awaits_signals() && levels.number == self.readings {
+            let values = self.signals.iter().map(|&signal| levels.of(signal));
+            self.interpreter.signals_read(values.collect());
+        }
     }
 
     /// Goes along the curves of one motion, from each to the next without a stop.

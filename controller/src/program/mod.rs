@@ -24,6 +24,7 @@ pub use mistakes::{Mistake, Mistakes};
 pub use moves::{Moves, ProgramMove, Upcoming};
 pub use timetable::Timetable;
 
+use crate::control::Signal;
 use crate::machine::{COORDINATES, InputMeaning, Machine, PathTolerances, Position, SpinUp};
 use feed::counted_length;
 use moves::{Mixed, MoveSource};
@@ -47,6 +48,8 @@ pub struct Programs {
     tolerances: PathTolerances,
     spindle: SpinUp,
     user_codes: UserCodes,
+    /// What can be read by name, in the order of the names.
+    signals: Arc<[Signal]>,
     /// By how much the axes come to rest later than the path, s.
     settling: f64,
     /// How the axes go to a path where a straight line might meet what is being machined.
@@ -57,6 +60,17 @@ pub struct Programs {
 
 /// The M-codes of the user's that run a command, and how long that may take.
 type UserCodes = Arc<[(u16, Duration)]>;
+
+/// The inputs and outputs that programs can read, with their names.
+fn signals(machine: &Machine) -> impl Iterator<Item = (&str, Signal)> {
+    let inputs = machine.inputs.iter().enumerate();
+    let inputs = inputs.map(|(index, input)| (&*input.name, Signal::Input(index)));
+    let outputs = machine.outputs.iter();
+    let outputs = outputs.map(|output| (&*output.name, Signal::Output(output.switch)));
+    let analog = machine.analog_outputs.iter();
+    let analog = analog.map(|output| (&*output.name, Signal::Analog(output.source)));
+    inputs.chain(outputs).chain(analog)
+}
 
 fn user_codes(machine: &Machine) -> UserCodes {
     let codes = machine.user_codes.iter();
@@ -135,6 +149,8 @@ pub struct Program {
     keeps: Option<PathBuf>,
     spindle: SpinUp,
     user_codes: UserCodes,
+    /// What can be read by name, in the order of the names.
+    signals: Arc<[Signal]>,
     /// By how much the axes come to rest later than the path, s.
     settling: f64,
     retraction: Option<Retraction>,
@@ -180,6 +196,8 @@ pub struct Extent {
     /// Whether it changes the tables, as far as is known: a program that is not read as a whole
     /// may.
     pub sets_tables: bool,
+    /// The line from which on nothing is known before the machine has been there: it probes, or reads inputs.
+    pub known_to: Option<u32>,
     /// The greatest change of an arc that was made for its ends to be exact, mm, and its line.
     pub arc_deviation: (f64, u32),
     /// Feeds above what the axes can.
@@ -299,6 +317,10 @@ impl Programs {
                 unnamed: !homing.is_absolute() && !homing.is_by_hand(),
             });
         }
+        setup.names = Arc::new(gcode::MachineNames::new(
+            signals(machine).map(|(name, _)| name),
+            machine.values.iter().cloned(),
+        ));
         setup.has_probe = (machine.inputs.iter()).any(|it| it.meaning == InputMeaning::Probe);
         setup.tables = tables;
         Self {
@@ -308,6 +330,7 @@ impl Programs {
             tolerances: machine.path,
             spindle: SpinUp::of(machine),
             user_codes: user_codes(machine),
+            signals: signals(machine).map(|(_, signal)| signal).collect(),
             settling: machine.shaper.settling(machine.cycle.as_secs_f64()),
             retraction: machine.retraction,
             keeps: None,
@@ -363,6 +386,7 @@ impl Programs {
             keeps: self.keeps.clone(),
             spindle: self.spindle,
             user_codes: Arc::clone(&self.user_codes),
+            signals: Arc::clone(&self.signals),
             settling: self.settling,
             retraction: self.retraction,
             scale: Scale::default(),
@@ -570,7 +594,8 @@ impl Program {
             return Err(ProgramError::Blocks(mistakes));
         }
         extent.blocks = interpreter.executed();
-        // Behind a probing nothing is known before it has been there.
+        // Behind a probing, and what reads inputs, nothing is known before the machine has been there.
+        extent.known_to = interpreter.awaits_machine().then(|| interpreter.line());
         let changed = *interpreter.tables() != self.setup.tables;
         extent.sets_tables = changed || interpreter.awaits_machine();
         Ok(extent)
@@ -613,7 +638,8 @@ impl Program {
                 | Action::Feed { .. }
                 | Action::Arc { .. }
                 | Action::Spline { .. }
-                | Action::Probe { .. } => return Some((homed, None)),
+                | Action::Probe { .. }
+                | Action::ReadSignals => return Some((homed, None)),
                 _ => {}
             }
         }

@@ -2,7 +2,7 @@
 //! the way of what an operator does and of what the cycle reports.
 
 use super::{RunError, Work};
-use crate::control::{Found, Instruction, Outcome};
+use crate::control::{Found, Instruction, Outcome, SignalLevels};
 use crate::machine::{COORDINATES, Position};
 use crate::program::{Feeder, Left, ProgramError};
 use crossbeam::channel::{self, Receiver, Sender};
@@ -22,6 +22,8 @@ pub enum PlanRequest {
     Begin(u64, Position),
     /// This came of the program's probing or homing.
     Found(Found<COORDINATES>),
+    /// The program goes on with these inputs and outputs.
+    SignalsRead(SignalLevels),
     /// The path has to be planned anew from there.
     Replan(ReplanRequest),
     /// The job with this number is over.
@@ -155,6 +157,11 @@ impl Planner {
                         latest = None;
                         if let Some(planned) = &mut planned {
                             planned.feeder.found(&found);
+                        }
+                    }
+                    PlanRequest::SignalsRead(levels) => {
+                        if let Some(planned) = &mut planned {
+                            planned.feeder.signals_read(&levels);
                         }
                     }
                     // Where one came while another was answered, that is out of date.

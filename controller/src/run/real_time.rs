@@ -162,6 +162,8 @@ pub struct Cycle {
     asked: Option<ReplanRequest>,
     /// The number of the last probing or homing that it was told of.
     told_found: Option<u32>,
+    /// The reading of inputs and outputs that the planner was told last.
+    told_read: Option<u32>,
     /// How much longer a simulated machine waits for the next instruction.
     plan_patience: Duration,
     /// How much longer it waits for its way to rest.
@@ -203,6 +205,7 @@ impl Cycle {
             told_over: None,
             asked: None,
             told_found: None,
+            told_read: None,
             plan_patience: PLAN_PATIENCE,
             patience: PATIENCE,
             report_patience: REPORT_PATIENCE,
@@ -400,6 +403,7 @@ impl Cycle {
             self.asked_to_begin = job.filter(|_| begun.is_ok()).or(self.asked_to_begin);
             self.asked = None;
             self.told_found = None;
+            self.told_read = None;
         }
         let found = self.driver.controller.found();
         if let Some(found) = found.filter(|it| Some(it.number) != self.told_found) {
@@ -408,6 +412,17 @@ impl Cycle {
             }
             self.told_found = Some(found.number);
             self.asked = None;
+        }
+        let read = self.driver.controller.signals_read();
+        if let Some(levels) = read.filter(|it| Some(it.number) != self.told_read) {
+            if self
+                .requests
+                .push(PlanRequest::SignalsRead(*levels))
+                .is_err()
+            {
+                return;
+            }
+            self.told_read = Some(levels.number);
         }
         let wanted = self.driver.controller.replan_request();
         if wanted == self.asked {

@@ -152,6 +152,9 @@ impl<P: Port> VirtualMachine<P> {
         if let Some(found) = controller.found() {
             feeder.found(found);
         }
+        if let Some(levels) = controller.signals_read() {
+            feeder.signals_read(levels);
+        }
         if let Some(request) = controller.replan_request() {
             feeder.replan(&request);
         }

@@ -9,6 +9,7 @@ mod linuxcnc;
 mod listing;
 mod memory;
 mod motion;
+mod names;
 mod offsets;
 mod polar;
 mod probing;

@@ -41,6 +41,7 @@ mod program_homing;
 mod programs;
 mod properties;
 mod reactions;
+mod read_signals;
 mod recorder;
 mod references;
 mod remaining;

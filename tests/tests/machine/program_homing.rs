@@ -46,6 +46,41 @@ fn a_program_homes_before_it_moves() {
     assert_eq!(told.count(), 1);
 }
 
+/// An output that programs read by its name.
+const CLAMP: (&str, &str) = (
+    "[machine]\n",
+    "[[output]]\nname = \"clamp\"\ndrive = \"Y\"\nsignal = \"DQ0\"\nnumber = 1\n\n[machine]\n",
+);
+
+#[test]
+fn a_program_reads_outputs_behind_a_homing() {
+    let mut rig = switched_on(&[CLAMP]);
+    run(
+        &mut rig,
+        "G28.2\nM64 P1\nG90 G0 X[20 + #<_hal[clamp]>]\nG28.2 Y0\nG0 X[30 + #<_hal[clamp]>] Y10\nM2\n",
+    );
+    assert_eq!(rig.refused, []);
+    assert_eq!(rig.problems, [""; 0]);
+    assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+    assert_eq!(positions(&rig)[..2], [31.0, 10.0]);
+}
+
+#[test]
+fn what_is_behind_a_reading_counts_as_moved() {
+    // The file is not read further than to the reading: Y may move behind it.
+    let mut rig = switched_on(&[CLAMP]);
+    run(&mut rig, "G28.2 X0\n#1 = #<_hal[clamp]>\nG0 Y1\nM2\n");
+    assert!(
+        matches!(
+            rig.refused[..],
+            [ref it] if matches!(it.reason, Refusal::Machine(OrderRefusal::Unreferenced(_)))
+        ),
+        "{:?}",
+        rig.refused
+    );
+    assert!(!is_referenced(&rig, Axis::X));
+}
+
 #[test]
 fn what_a_program_does_not_home_first_has_to_be_referenced() {
     let mut rig = switched_on(&[]);

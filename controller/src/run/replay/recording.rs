@@ -152,12 +152,16 @@ impl Recording {
         }
     }
 
-    /// Tells the program what came of its probing or homing.
+    /// Tells the program what came of its probing or homing, and what the inputs and outputs are that it reads.
     fn tell_found(&mut self, state: &State) {
-        if let Some(feeder) = self.planning.feeder()
-            && let Some(found) = state.controller.found()
-        {
+        let Some(feeder) = self.planning.feeder() else {
+            return;
+        };
+        if let Some(found) = state.controller.found() {
             feeder.found(found);
+        }
+        if let Some(levels) = state.controller.signals_read() {
+            feeder.signals_read(levels);
         }
     }
 
