@@ -207,7 +207,14 @@ pub enum DeviceCause {
         /// What it says.
         why: NotFollowing,
     },
-    /// Two devices share its node id: two T_PDOs came to one SYNC, in two cycles in a row.
+    /// A second T_PDO came to one SYNC, with other data than the first: which of them is true nobody knows, and the
+    /// second one was not taken.
+    #[error(
+        "a second T_PDO to one SYNC, with other data than the first: another device has this node id, give it one of \
+         its own; or something else on the bus has changed when it sends: let only one controller set it up"
+    )]
+    SecondTPdo,
+    /// Two devices share its node id: the same T_PDO came twice to one SYNC, in two cycles in a row.
     #[error("two T_PDOs to one SYNC: another device has this node id, give it one of its own")]
     TwoNodes,
     /// Its heartbeat stayed away.

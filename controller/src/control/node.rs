@@ -41,8 +41,7 @@ pub(super) struct DeviceNode {
     t_pdos: Vec<(CanId, usize)>,
     /// Those that have come at all, one bit each.
     come: u32,
-    /// Those that came since SYNC.
-    arrived: u32,
+    answers: Answers,
     status: DriveStatus,
     actual: Increments,
     /// The torque that its last T_PDOs told, if they tell one, as its positions grow.
@@ -60,9 +59,6 @@ pub(super) struct DeviceNode {
     /// SYNCs since the one that its last T_PDOs answered; 0 if that was the last, or if they answer none.
     age: u32,
     misses: u32,
-    /// A T_PDO came twice to this SYNC, and one to the SYNC before.
-    twice: bool,
-    was_twice: bool,
     /// Cycles in a row within the standstill window around `still_at`.
     still: u32,
     still_at: Increments,
@@ -102,7 +98,11 @@ impl DeviceNode {
                 .map(|pdo| (pdo.cob_id.into(), pdo.bytes.into()))
                 .collect(),
             come: 0,
-            arrived: 0,
+            answers: Answers::new(
+                (spec.t_pdos.iter())
+                    .map(|pdo| Frame::new(pdo.cob_id, &[]))
+                    .collect(),
+            ),
             status: DriveStatus::default(),
             actual: drive.middle,
             told_torque: None,
@@ -113,8 +113,6 @@ impl DeviceNode {
             outputs: 0,
             age: spec.answers_sync.into(),
             misses: 0,
-            twice: false,
-            was_twice: false,
             still: 0,
             still_at: Increments::ZERO,
             told_power: None,
@@ -181,9 +179,9 @@ impl DeviceNode {
         let t_pdo =
             |(id, length): &(CanId, usize)| *id == frame.id() && frame.data().len() >= *length;
         if let Some(t_pdo) = self.t_pdos.iter().position(t_pdo) {
-            self.take(t_pdo, frame.data(), events);
-            if since.is_some_and(|sync| at >= sync) {
-                self.count(t_pdo)?;
+            let answers = since.is_some_and(|sync| at >= sync);
+            if !answers || self.count(t_pdo, frame)? {
+                self.take(t_pdo, frame.data(), events);
             }
         } else if is(CobId::t_sdo(node)) {
             // A server that goes on before it has its reply is none to listen to.
@@ -280,27 +278,19 @@ impl DeviceNode {
         }
     }
 
-    /// Counts a T_PDO as the answer to the running cycle's SYNC.
-    fn count(&mut self, t_pdo: usize) -> Result<(), Fault> {
+    /// Counts a T_PDO as the answer to the running cycle's SYNC; whether it is to be taken.
+    ///
+    /// # Errors
+    /// It is a second answer.
+    fn count(&mut self, t_pdo: usize, frame: &Frame) -> Result<bool, Fault> {
         if !self.device.spec().answers_sync {
-            return Ok(());
+            return Ok(true);
         }
-        let bit = 1 << t_pdo;
-        self.twice |= self.arrived & bit != 0;
-        self.arrived |= bit;
-        if self.are_all(self.arrived) {
+        let taken = (self.answers.count(t_pdo, frame)).map_err(|cause| self.fault(cause))?;
+        if self.answers.are_complete() {
             self.age = 0;
         }
-        // Once may be a frame that was received twice.
-        if self.twice && self.was_twice {
-            return Err(self.fault(DeviceCause::TwoNodes));
-        }
-        Ok(())
-    }
-
-    /// Whether these are all of its T_PDOs.
-    fn are_all(&self, t_pdos: u32) -> bool {
-        t_pdos.count_ones() as usize == self.t_pdos.len()
+        Ok(taken)
     }
 
     /// The machine position that the drive reports, mm.
@@ -331,7 +321,9 @@ impl DeviceNode {
     pub(super) fn is_sampled(&self) -> bool {
         match self.monitoring() {
             Monitoring::Poll(_) => self.polled.is_some(),
-            Monitoring::Heartbeat | Monitoring::TPdos => self.are_all(self.come),
+            Monitoring::Heartbeat | Monitoring::TPdos => {
+                self.come.count_ones() as usize == self.t_pdos.len()
+            }
         }
     }
 
@@ -346,11 +338,10 @@ impl DeviceNode {
         self.replies.clear();
         self.expect_boot();
         self.resetting = false;
-        self.arrived = 0;
+        self.answers.forget();
         self.status = DriveStatus::default();
         self.age = self.device.spec().answers_sync.into();
         self.misses = 0;
-        (self.twice, self.was_twice) = (false, false);
         self.still = 0;
         (self.quick_stopped, self.homes) = (false, false);
         self.told_power = None;
@@ -434,8 +425,7 @@ impl DeviceNode {
         if self.device.spec().answers_sync {
             self.age = self.age.saturating_add(1);
         }
-        self.arrived = 0;
-        self.was_twice = std::mem::take(&mut self.twice);
+        self.answers.on_sync();
     }
 
     /// Whether the drive answers every SYNC and shows signs of life in Operational.
@@ -767,10 +757,12 @@ impl DeviceNode {
     }
 }
 
+mod answers;
 mod count;
 mod homing;
 #[cfg(test)]
 mod tests;
 mod torque;
 
+use answers::Answers;
 use torque::Torque;

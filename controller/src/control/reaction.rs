@@ -234,6 +234,7 @@ impl DeviceCause {
             | Self::NotAtRest
             | Self::WrongMode { .. } => Cause::BringUp,
             Self::SdoTimeout { .. }
+            | Self::SecondTPdo
             | Self::TwoNodes
             | Self::HeartbeatLost
             | Self::PollUnanswered { .. }
@@ -271,7 +272,8 @@ impl fmt::Display for Cause {
                 "drive no longer enabled, in its mode or under fieldbus control"
             }
             Self::Silent => {
-                "heartbeat lost, T_PDOs missing, no SDO answer, reboot, another NMT state, two drives with one node id"
+                "heartbeat lost, T_PDOs missing, a second T_PDO to one SYNC, no SDO answer, reboot, another NMT state, two \
+                 drives with one node id"
             }
             Self::PositionRange => "setpoint beyond what a drive can count",
             Self::FollowingError => "following error",

@@ -3,6 +3,7 @@
 use super::*;
 use crate::bench::rig::{Shape, Shuttle};
 use crate::run::driver::Driver;
+use proptest::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 use syncline_canopen::budget::{Direction, Pdo};
 use syncline_drives::model::{
@@ -223,7 +224,12 @@ fn a_drive_has_answered_when_all_its_t_pdos_have() {
     node.on_sync();
     assert_eq!(take(&mut node, position, &[8, 0, 0, 0]), Ok(()));
     assert_eq!((node.actual(), node.age()), (Increments::new(8), 1));
-    // One of them twice to a SYNC, and again to the next: another device has its node id.
+    // That may come late, behind the next SYNC. One of them twice to a SYNC, and again to the next: another device has
+    // its node id.
+    node.on_sync();
+    for _ in 0..2 {
+        assert_eq!(take(&mut node, word, &[0x37, 0x02]), Ok(()));
+    }
     let twice = |node: &mut DeviceNode| {
         node.on_sync();
         [(); 2].map(|()| {
@@ -240,6 +246,81 @@ fn a_drive_has_answered_when_all_its_t_pdos_have() {
         twice(&mut node)[1],
         Err(Fault::Device(0, fault::DeviceCause::TwoNodes))
     );
+}
+
+/// What comes to a SYNC of a drive whose T_PDO counts up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Answer {
+    InTime,
+    /// Behind the next SYNC.
+    Late,
+    Lost,
+    /// As CAN itself may hand it over.
+    Twice,
+}
+
+fn answers() -> impl Strategy<Value = Vec<Answer>> {
+    use Answer::{InTime, Late, Lost, Twice};
+    let answer = prop_oneof![
+        4 => Just(InTime),
+        2 => Just(Late),
+        1 => Just(Lost),
+        1 => Just(Twice),
+    ];
+    prop::collection::vec(answer, 1..40).prop_map(|mut answers| {
+        for at in 1..answers.len() {
+            let before = &answers[at.saturating_sub(2)..at];
+            let again = match answers[at] {
+                Late => before == [Late; 2],
+                Twice => before.ends_with(&[Twice]),
+                InTime | Lost => false,
+            };
+            if again {
+                answers[at] = InTime;
+            }
+        }
+        answers
+    })
+}
+
+proptest! {
+    /// Losses, late answers and a frame that came twice are no second device; one that answers besides is, at once, and
+    /// what it says is not taken.
+    #[test]
+    fn a_second_answer_is_a_fault_and_not_taken(answers in answers(), more in 0..3_usize) {
+        let layout = two_pdos_each();
+        let mut node = DeviceNode::new(0, &layout);
+        let id = layout.devices[0].device.spec().node;
+        let sync = Instant::ZERO;
+        let take = |node: &mut DeviceNode, position: i32| {
+            let frame = Frame::new(CobId::t_pdo(3, id), &position.to_le_bytes());
+            node.receive(sync, &frame, Some(sync), &mut |_| ())
+        };
+        let mut late = None;
+        for (position, &answer) in (1..).zip(&answers) {
+            node.on_sync();
+            let times = match answer {
+                Answer::InTime => 1,
+                Answer::Twice => 2,
+                Answer::Late | Answer::Lost => 0,
+            };
+            let came = late.take().into_iter().chain(std::iter::repeat_n(position, times));
+            for position in came {
+                prop_assert_eq!(take(&mut node, position), Ok(()));
+                prop_assert_eq!(node.actual(), Increments::new(position.into()));
+            }
+            late = (answer == Answer::Late).then_some(position);
+        }
+        // Nothing is late any more.
+        for position in 1000..1003 + more as i32 {
+            node.on_sync();
+            prop_assert_eq!(late.take().map_or(Ok(()), |late| take(&mut node, late)), Ok(()));
+            prop_assert_eq!(take(&mut node, position), Ok(()));
+        }
+        let second = take(&mut node, -1000);
+        prop_assert_eq!(second, Err(Fault::Device(0, fault::DeviceCause::SecondTPdo)));
+        prop_assert_eq!(node.actual(), Increments::new(1002 + more as i64));
+    }
 }
 
 #[test]

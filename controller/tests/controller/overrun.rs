@@ -175,7 +175,10 @@ fn two_nodes_with_one_id_are_a_fault_before_power_is_on() {
     assert!(
         matches!(
             end,
-            Some(End::Fault(Fault::Device(2, DeviceCause::TwoNodes)))
+            Some(End::Fault(Fault::Device(
+                2,
+                DeviceCause::SecondTPdo | DeviceCause::TwoNodes
+            )))
         ),
         "{end:?}"
     );

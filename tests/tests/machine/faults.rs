@@ -361,6 +361,33 @@ fn one_missing_t_pdo_is_counted_and_two_in_a_row_are_a_fault() {
 }
 
 #[test]
+fn a_second_t_pdo_to_a_sync_is_a_fault_unless_it_is_the_first_once_more() {
+    let second = |rig: &mut Rig, change: u8| {
+        let id = CobId::t_pdo(2, node(Y));
+        let frames = rig.frames();
+        let mut t_pdos = frames.iter().rev().map(|it| &it.frame);
+        let last = t_pdos
+            .find(|it| it.id() == CanId::from(id))
+            .expect("it answers");
+        let mut data = last.data().to_vec();
+        data[4] ^= change;
+        let received = Received {
+            at: rig.session.timeline().now(),
+            frame: Frame::new(id, &data),
+            echo: false,
+        };
+        rig.controller().receive(0, &received);
+    };
+    let fault = fault_in_motion(|rig| second(rig, 0x40));
+    assert_eq!(fault, Fault::Device(Y, DeviceCause::SecondTPdo));
+
+    let mut rig = moving();
+    second(&mut rig, 0);
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    assert_eq!(positions(&rig), *NOMINAL);
+}
+
+#[test]
 fn a_t_pdo_that_is_late_or_cut_short_is_a_missing_one() {
     let fault = fault_in_motion(|rig| {
         rig.bus().doctor = Some(Box::new(|it| {

@@ -58,6 +58,7 @@ fn row(fault: &Fault) -> (Subject, Row) {
                 DeviceCause::NotFollowing { .. } => ("a drive no longer enabled", QuickStopAxis),
                 DeviceCause::PositionRange => ("beyond what a drive can count", QuickStopAxis),
                 DeviceCause::SdoTimeout { .. }
+                | DeviceCause::SecondTPdo
                 | DeviceCause::TwoNodes
                 | DeviceCause::HeartbeatLost
                 | DeviceCause::PollUnanswered { .. }
