@@ -4,6 +4,7 @@ use crate::common::lxm32m::{Bench, drive, enabled};
 use crate::common::{
     BIT_12, HALT, REF_OK, TARGET_REACHED, X_END, X_ERR, id, ms, rpm, set, status, wait_for,
 };
+use proptest::prelude::*;
 use syncline_canopen::cia402::State;
 use syncline_drives::twin::SimulatedDevice;
 use syncline_drives::twin::lxm32m::{Switches, TwinConfig};
@@ -419,4 +420,50 @@ fn a_limit_switch_stops_a_profile_movement() {
     wait_for(&mut bench, X_ERR | X_END, 5);
     assert_eq!(bench.twin().state(), State::QuickStopActive);
     assert!((3.3..3.9).contains(&bench.twin().observe().position));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+
+    /// However far the motor stays behind, it is stopped at the first of two targets before the second one begins (1569),
+    /// and only the second one counts as reached.
+    #[test]
+    fn a_target_that_waits_begins_where_the_motor_stands_at_the_first(
+        first in 5_000i32..30_000,
+        back in 2_000i32..30_000,
+        speed in 100i32..900,
+        gain in 60i32..400,
+        feed_forward in 1i32..900,
+    ) {
+        let mut bench = drive(1);
+        for (index, sub, value) in [
+            (0x6081, 0, speed),
+            (0x6083, 0, 6000),
+            (0x6084, 0, 6000),
+            (0x3012, 3, gain),
+            (0x3012, 6, feed_forward),
+        ] {
+            set(&mut bench, index, sub, value);
+        }
+        for target in [first, first - back] {
+            bench.controlword(1, 0x000F);
+            set(&mut bench, 0x607A, 0, target);
+            bench.controlword(1, 0x001F);
+        }
+        bench.controlword(1, 0x000F);
+        let mut nearest = f64::MAX;
+        for _ in 0..20_000 {
+            let off = bench.twin().observe().position * 16384.0 - f64::from(first);
+            nearest = nearest.min(off.abs());
+            bench.wait(ms(1));
+            let shown = status(&mut bench);
+            if shown & TARGET_REACHED != 0 {
+                prop_assert_ne!(shown & X_END, 0);
+                break;
+            }
+        }
+        prop_assert!(nearest <= 16.0, "{} usr_p off", nearest);
+        let end = bench.read_i32(1, 0x6064, 0);
+        prop_assert!((end - (first - back)).abs() <= 16, "{}", end);
+    }
 }

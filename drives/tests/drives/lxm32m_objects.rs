@@ -4,6 +4,7 @@ use crate::common::lxm32m::{Bench, drive, enabled};
 use crate::common::{X_END, id, ms, rpm, set, status, wait_for};
 use syncline_canopen::cia402::{State, Statusword};
 use syncline_canopen::sdo::AbortCode;
+use syncline_canopen::time::Duration;
 use syncline_drives::twin::lxm32m::{Switches, TwinConfig};
 use syncline_drives::twin::{Disturbance, ErrorClass, SimulatedDevice};
 
@@ -71,6 +72,49 @@ fn a_target_that_is_written_while_the_mode_before_brakes_is_kept() {
             bench.wait(ms(2000));
             assert_eq!(bench.read(1, 0x6061, 0).unwrap(), [asked as u8]);
             assert_eq!(rpm(&mut bench) < -10.0, asked == mode, "mode {mode}");
+        }
+    }
+}
+
+/// Where a movement of another mode follows at once, x_end does not rise in between (1347), and does where none follows:
+/// its T_PDO1 shows that every 250 µs.
+#[test]
+fn x_end_does_not_rise_between_two_modes() {
+    for (mode, index, sub, value) in [
+        (3, 0x60FF, 0, -300),
+        (4, 0x6071, 0, -100),
+        (-1, 0x301B, 0x09, 2),
+        (-2, 0x301B, 0x12, 1),
+    ] {
+        for follows in [true, false] {
+            let before = if mode == 3 { -1 } else { 3 };
+            let (start, from) = match before {
+                3 => ((0x60FF, 0), 600),
+                _ => ((0x301B, 0x09), 5),
+            };
+            let mut bench = drive(before);
+            bench.twin().set_pulse_frequency(-50_000.0);
+            set(&mut bench, 0x1800, 2, 1);
+            bench.send(0, &[1, 1]);
+            set(&mut bench, start.0, start.1, from);
+            bench.wait(ms(500));
+            let told = bench.log.len();
+            set(&mut bench, 0x6060, 0, mode);
+            if follows {
+                set(&mut bench, index, sub, value);
+            }
+            for _ in 0..8000 {
+                bench.sync();
+                bench.wait(Duration::from_micros(250));
+            }
+            let words = bench.received(told, 0x181);
+            let rises = |word: &Vec<u8>| u16::from_le_bytes([word[0], word[1]]) & X_END != 0;
+            assert!(!words.is_empty());
+            assert_eq!(
+                words.iter().any(rises),
+                !follows,
+                "mode {mode}: {words:02X?}"
+            );
         }
     }
 }

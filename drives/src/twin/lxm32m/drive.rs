@@ -221,7 +221,7 @@ impl Drive {
             self.target_reached = true;
         }
         self.watch_target();
-        if at_rest && !self.x_end && !self.mode_is_busy() {
+        if at_rest && !self.x_end && !self.is_busy() {
             self.x_end = true;
             self.target_reached |= self.servo.controlword.has(Controlword::HALT);
         }

@@ -132,9 +132,13 @@ impl Drive {
         }
     }
 
-    /// Whether the mode has more to do after the present movement.
-    pub(super) fn mode_is_busy(&self) -> bool {
-        self.jog.is_busy()
+    /// Whether more comes after the present movement: of the mode, or at once of the mode that takes over from it, so
+    /// that x_end does not rise in between (lxm32m 1347).
+    pub(super) fn is_busy(&self) -> bool {
+        let follows =
+            |mode: Mode| self.mode != mode && self.objects.get(self.rows.mode) == mode as i64;
+        self.start_waits.is_some_and(follows)
+            || self.jog.is_busy()
             || self.position.is_busy()
             || self.homing.is_active()
             || self.sequence.is_moving()

@@ -16,11 +16,13 @@ struct Target {
     limits: Limits,
 }
 
-/// The target under way and one more.
+/// The target under way, until the motor stands at it, and one more.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::twin::lxm32m) struct ProfilePosition {
     active: Option<Target>,
     next: Option<Target>,
+    /// The first is passed on the way to the next (controlword bit 9).
+    passes: bool,
 }
 
 impl ProfilePosition {
@@ -59,13 +61,13 @@ impl Drive {
             position: base + self.increments_of(position),
             limits: self.profile_limits(self.objects.get(self.rows.profile_velocity)),
         };
-        let moving = self.position.active.is_some() && self.motion != Motion::Hold;
+        let moving = self.position.active.is_some();
         if !moving || word.has(Controlword::MODE_5) {
             self.go(target);
         } else if self.position.next.is_none() {
             self.position.next = Some(target);
-            // Change on set-point: the first target is passed, not stopped at.
-            if word.has(Controlword::MODE_9)
+            self.position.passes = word.has(Controlword::MODE_9);
+            if self.position.passes
                 && let Motion::Position(position, limits) = self.motion
             {
                 self.motion = Motion::Through(position, limits);
@@ -80,15 +82,27 @@ impl Drive {
         self.position = ProfilePosition {
             active: Some(target),
             next: None,
+            passes: false,
         };
         self.begin(Motion::Position(target.position, target.limits));
     }
 
+    /// The next target's turn comes where the first is passed, or where the motor is stopped at it: it stands within
+    /// the window there (lxm32m 1569).
     pub(super) fn step_position(&mut self) {
-        if self.motion != Motion::Hold {
+        let ProfilePosition {
+            active,
+            next: Some(next),
+            passes,
+        } = self.position
+        else {
             return;
-        }
-        if let Some(next) = self.position.next {
+        };
+        let over = match passes {
+            true => self.motion == Motion::Hold,
+            false => active.is_none(),
+        };
+        if over {
             self.go(next);
             self.bit_12 = self.servo.controlword.has(Controlword::MODE_4);
         }
@@ -99,7 +113,7 @@ impl Drive {
         let arrived = self.position.active.is_some() && self.is_at_rest() && self.is_in_window();
         if self.settled(arrived, self.rows.standstill_window_time) {
             self.position.active = None;
-            self.target_reached = true;
+            self.target_reached = !self.position.is_busy();
         }
     }
 }
