@@ -466,6 +466,10 @@ impl Interpreter {
         if !matches!(read, Ok(Read1::Line)) {
             self.block.parse("")?;
         }
+        if self.current == 0 {
+            let come_to = self.files[0].lines.place().offset;
+            (self.state.setup.read).fetch_max(come_to, Ordering::Relaxed);
+        }
         let refuse = |fault| Err(Refusal::new(Columns { start: 1, end: 2 }, fault));
         match read {
             Ok(Read1::Line) => {}

@@ -69,7 +69,7 @@ pub use source::{Input, MAX_LINE};
 pub use spline::Spline;
 pub use tables::{Tables, TablesError, Tool};
 
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, AtomicU64};
 
 /// Blocks, or moves that they ask for, after which a program that does not end is refused.
 pub const MAX_BLOCKS: u64 = 10_000_000;
@@ -110,6 +110,8 @@ pub struct Setup {
     /// Refuse a program that executes more blocks without a movement, a dwell or a stop: a loop
     /// that does nothing.
     pub max_idle_blocks: u64,
+    /// How many bytes of the program itself have been read, for who watches: the furthest that it has come.
+    pub read: std::sync::Arc<AtomicU64>,
     /// Refuse to go on once this is set: nobody wants the program any more.
     pub abandoned: std::sync::Arc<AtomicBool>,
 }
@@ -132,6 +134,7 @@ impl Setup {
             block_delete: false,
             max_blocks: Some(MAX_BLOCKS),
             max_idle_blocks: MAX_BLOCKS,
+            read: std::sync::Arc::default(),
             abandoned: std::sync::Arc::default(),
         }
     }

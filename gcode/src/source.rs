@@ -13,7 +13,8 @@ impl<T: Read + Seek + Send> Input for T {}
 /// The start of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Place {
-    offset: u64,
+    /// Bytes in front of it.
+    pub(crate) offset: u64,
     /// Number of the line that starts here, from 1.
     pub(crate) line: u32,
 }

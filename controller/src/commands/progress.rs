@@ -7,7 +7,7 @@ use super::told;
 use super::writers::GIVE_UP;
 use crate::control::{self, Layout};
 use crate::machine::Machine;
-use crate::program::{Extent, counted_speed};
+use crate::program::{Extent, Program, Reading, counted_speed};
 use crate::session::{Event, Settings, Status, StatusView, Subscription};
 use crossbeam::channel::{self, Receiver, Sender};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -54,8 +54,7 @@ pub(super) struct Screen {
     pub(super) view: StatusView,
     pub(super) layout: Arc<Layout>,
     pub(super) machine: Machine,
-    /// Unless the program is read as it runs.
-    pub(super) extent: Option<Extent>,
+    pub(super) way: Way,
     /// Also what happens in every run.
     pub(super) verbose: bool,
 }
@@ -112,7 +111,7 @@ impl Console {
 impl Screen {
     /// Shows all until the end.
     fn show(self, queue: &Receiver<Message>, done: &AtomicU64) {
-        let bar = bar(self.extent);
+        let bar = self.way.bar();
         let (start, mut repeats) = (Instant::now(), Repeats::default());
         let mut over = false;
         loop {
@@ -134,7 +133,7 @@ impl Screen {
                 }
                 let status = self.view.get();
                 if !over && status.time.is_some() {
-                    bar.set_position(status.passed as u64);
+                    bar.set_position(self.way.position(&status));
                     bar.set_message(self.progress(&status));
                 }
                 match queue.try_recv() {
@@ -201,23 +200,56 @@ impl Screen {
     }
 }
 
-/// The bar of a run: how far it has come, and of how much where that is known.
-pub(super) fn bar(extent: Option<Extent>) -> ProgressBar {
-    let (bar, template) = match extent {
-        None => (
-            ProgressBar::new_spinner(),
-            "{spinner} {pos} mm and °, {msg}",
-        ),
-        Some(Extent { length, turned, .. }) => (
-            ProgressBar::new((length + turned) as u64),
-            match turned {
-                0.0 => "{wide_bar} {pos}/{len} mm, {msg}",
-                _ => "{wide_bar} {pos}/{len} mm and °, {msg}",
-            },
-        ),
-    };
-    let style = ProgressStyle::with_template(template);
-    bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+/// What a run's progress is counted by.
+pub(super) enum Way {
+    /// The path, mm and degrees together.
+    Path(Extent),
+    /// The bytes that have been read, of a program that is read as it runs.
+    Read(Reading),
+}
+
+impl Way {
+    /// Of a program that amounts to that.
+    pub(super) fn of(program: &Program, extent: Extent) -> Self {
+        program.reading().map_or(Self::Path(extent), Self::Read)
+    }
+
+    /// The bar of a run: how far it has come, and of how much where that is known.
+    pub(super) fn bar(&self) -> ProgressBar {
+        let (bar, template) = match *self {
+            Self::Read(Reading {
+                of: Some(bytes), ..
+            }) => (
+                ProgressBar::new(bytes),
+                "{wide_bar} {bytes}/{total_bytes} read, {msg}",
+            ),
+            Self::Read(_) => (ProgressBar::new_spinner(), "{spinner} {bytes} read, {msg}"),
+            // Behind what is not known yet there may be more.
+            Self::Path(Extent {
+                known_to: Some(_), ..
+            }) => (
+                ProgressBar::new_spinner(),
+                "{spinner} {pos} mm and °, {msg}",
+            ),
+            Self::Path(Extent { length, turned, .. }) => (
+                ProgressBar::new((length + turned) as u64),
+                match turned {
+                    0.0 => "{wide_bar} {pos}/{len} mm, {msg}",
+                    _ => "{wide_bar} {pos}/{len} mm and °, {msg}",
+                },
+            ),
+        };
+        let style = ProgressStyle::with_template(template);
+        bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+    }
+
+    /// Where on the bar a run is.
+    pub(super) fn position(&self, status: &Status) -> u64 {
+        match self {
+            Self::Path(_) => status.passed as u64,
+            Self::Read(reading) => reading.bytes(),
+        }
+    }
 }
 
 /// What is set otherwise than usual: parts of the programmed speeds, and switches.

@@ -5,7 +5,7 @@ use super::keys::{self, Keys};
 use super::log_files::LogFiles;
 use super::output::{Claims, Output, Results, Target};
 use super::ports::PortChoice;
-use super::progress::{Console, Messages, Screen};
+use super::progress::{Console, Messages, Screen, Way};
 use super::real_time::{Buses, RealTimeArgs, Written, attend, lockstep, record_faults};
 use super::state_keeper::StateKeeper;
 use super::switches::Switches;
@@ -193,6 +193,7 @@ impl Run<'_> {
         let trace = self.results.trace_by(&mut written.writers)?;
         let sent = lockstep.then(|| written.frames.listen(&self.machine));
         let extent = (!program.streams()).then_some(self.extent);
+        let way = Way::of(&program, self.extent);
         let observers = Observers::new(&self.machine, sent, trace, self.results.wants_report())
             .of_program(extent);
         let (messages, waiting) = Console::messages();
@@ -230,7 +231,7 @@ impl Run<'_> {
             view: session.view(),
             layout: Arc::clone(&self.layout),
             machine: self.machine.clone(),
-            extent,
+            way,
             verbose: self.args.verbose,
         };
         let console = Console::start(screen, messages.clone(), waiting)?;

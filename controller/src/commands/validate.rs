@@ -4,7 +4,7 @@ use super::command_log::{CommandFile, CommandLog};
 use super::events::Events;
 use super::log_files::{LogFiles, Logs};
 use super::output::{Claims, Output, Results, Target};
-use super::progress;
+use super::progress::Way;
 use super::repeats::{self, Repeats};
 use super::switches::Switches;
 use super::trajectory::Trajectory;
@@ -85,6 +85,7 @@ struct Prepared {
     program: Program,
     /// Unless it is read as it runs.
     extent: Option<Extent>,
+    way: Way,
     time_bounds: Option<TimeBounds>,
     events: Events,
     claims: Claims,
@@ -151,6 +152,7 @@ impl Args {
             machine,
             layout,
             extent: (!program.streams()).then_some(extent),
+            way: Way::of(&program, extent),
             program,
             events,
             claims,
@@ -166,6 +168,7 @@ impl Args {
             layout,
             program,
             extent,
+            way,
             time_bounds,
             events,
             claims,
@@ -198,7 +201,7 @@ impl Args {
             last_moved: 0.0,
         };
         let mut failure = None;
-        let (bar, mut shown) = (progress::bar(extent), 0);
+        let (bar, mut shown) = (way.bar(), 0);
         let mut repeats = Repeats::default();
         let tell_counted = |counted: Vec<(MachineEvent, u64)>| {
             for (event, more) in counted {
@@ -210,7 +213,7 @@ impl Args {
         while session.advance() != Progress::Ended {
             let now = Duration::from_nanos(session.timeline().now().as_nanos());
             let status = session.status();
-            bar.set_position(status.passed as u64);
+            bar.set_position(way.position(status));
             if shown != status.line {
                 shown = status.line;
                 bar.set_message(format!("line {shown}"));

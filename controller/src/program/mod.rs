@@ -15,6 +15,7 @@ mod feeder;
 mod interrupted;
 mod mistakes;
 mod moves;
+mod reading;
 mod timetable;
 
 pub use feed::{counted_speed, moved};
@@ -22,6 +23,7 @@ pub use feeder::Feeder;
 pub use interrupted::Interrupted;
 pub use mistakes::{Mistake, Mistakes};
 pub use moves::{Moves, ProgramMove, Upcoming};
+pub use reading::Reading;
 pub use timetable::Timetable;
 
 use crate::control::Signal;
@@ -376,7 +378,7 @@ impl Programs {
 
     fn program(&self, source: Source) -> Program {
         let mut setup = self.setup.clone();
-        setup.abandoned = Arc::default();
+        (setup.abandoned, setup.read) = (Arc::default(), Arc::default());
         Program {
             source,
             setup,
@@ -657,7 +659,7 @@ impl Program {
     #[must_use]
     pub fn apart(&self) -> Self {
         let mut apart = self.clone();
-        apart.setup.abandoned = Arc::default();
+        (apart.setup.abandoned, apart.setup.read) = (Arc::default(), Arc::default());
         apart
     }
 

@@ -173,3 +173,37 @@ fn a_program_of_any_length_keeps_as_many_moves() {
     );
     assert!(short < 40_000, "{short}");
 }
+
+#[test]
+fn a_program_that_is_read_as_it_runs_tells_how_far_it_is_read() {
+    let text = program(&[Part::Lines {
+        count: 20_000,
+        step: 0.01,
+        zigzag: 0.002,
+    }]);
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("p.ngc");
+    fs::write(&file, &text).unwrap();
+    let machine_file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/xyz/machine.toml");
+    let machine = Machine::load(&machine_file).unwrap();
+    let program = Program::new(&file, &machine, &machine_file).unwrap();
+    assert!(program.reading().is_none(), "it is read as a whole before");
+    let program = program.stream(true);
+    program.check(machine.rest()).unwrap();
+    let reading = program.reading().unwrap();
+    assert_eq!(reading.of, Some(text.len() as u64));
+    assert_eq!(reading.bytes(), 0);
+    let mut feeder = program.feeder(machine.rest(), Moves::new().0).unwrap();
+    let mut places = vec![0];
+    while feeder.next_instruction().unwrap().is_some() {
+        let place = reading.bytes();
+        assert!(place >= places[places.len() - 1]);
+        places.push(place);
+    }
+    assert_eq!(reading.bytes(), text.len() as u64);
+    places.dedup();
+    assert!(places.len() > 10, "{} places", places.len());
+    // Who walks it a second time is no progress.
+    let other = program.apart().reading().unwrap();
+    assert_eq!(other.bytes(), 0);
+}
