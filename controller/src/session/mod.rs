@@ -35,7 +35,7 @@ pub use channel::{Accepted, Event, NotTaken, Operator, Refused, Subscription};
 pub use command::{Command, Direction, Jog, Refusal};
 pub use recorded::Recorded;
 pub use settings::{LEAST, MOST_FEED, MOST_RAPID, Override, Settings, StepChange, SwitchChange};
-pub use status::{Status, StatusView, Stopped};
+pub use status::{Squareness, Status, StatusView, Stopped};
 
 use crate::control::{self, Fault, Layout, NotNow, Order, Outcome, Request, Row, State, Switch};
 use crate::machine::{COORDINATES, OutputSwitch};
@@ -144,6 +144,10 @@ impl<T: Timeline> Session<T> {
         let mut status = Status::default();
         for axis in &layout.axes {
             status.referenced[axis.coordinate] = axis.homing.is_absolute();
+            status.squareness[axis.coordinate] = axis.homing.square.map(|square| Squareness {
+                stored: square.squareness,
+                measured: None,
+            });
         }
         status.drives = vec![PowerState::Unknown; layout.drives().count()];
         status.inputs = vec![false; layout.inputs.len()];
@@ -574,10 +578,12 @@ impl Desk {
                     control::Event::UserCode { number, .. } if self.passes_user_codes => {
                         self.user_call = Some(number);
                     }
-                    control::Event::Referenced { axis, .. }
-                    | control::Event::Recalled { axis, .. } => self.show_reference(axis, true),
+                    control::Event::Referenced { axis, apart, .. } => {
+                        self.show_reference(axis, true, Some(apart));
+                    }
+                    control::Event::Recalled { axis, .. } => self.show_reference(axis, true, None),
                     control::Event::Unreferenced { axis, .. }
-                    | control::Event::Askew { axis, .. } => self.show_reference(axis, false),
+                    | control::Event::Askew { axis, .. } => self.show_reference(axis, false, None),
                     control::Event::Power { device, power } => {
                         let drive = self.layout.drives().position(|it| it == device);
                         if let Some(drive) = drive {
@@ -693,9 +699,14 @@ impl Desk {
         }
     }
 
-    /// Shows whether the positions of an axis are machine positions.
-    fn show_reference(&mut self, axis: usize, referenced: bool) {
-        self.status.referenced[self.coordinates[axis]] = referenced;
+    /// Shows whether the positions of an axis are machine positions, and how far `apart` its homing has found the sides of
+    /// a gantry.
+    fn show_reference(&mut self, axis: usize, referenced: bool, apart: Option<f64>) {
+        let at = self.coordinates[axis];
+        self.status.referenced[at] = referenced;
+        if let Some(squareness) = &mut self.status.squareness[at] {
+            squareness.measured = apart;
+        }
     }
 
     /// Shows the state, and tells a change of it.

@@ -9,6 +9,16 @@ use std::sync::{Arc, Mutex, PoisonError};
 use syncline_drives::model::PowerState;
 use syncline_gcode::{Coolant, Point, Spindle, WorkCoordinates};
 
+/// How square a gantry is, in the unit of its axis, mm or degrees.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Squareness {
+    /// By how much the second side's switch comes on further where the gantry is square: `squareness` of the machine file.
+    pub stored: f64,
+    /// By how much its sides were out of square when it was homed, the second beyond the first, before that was taken
+    /// out; `None` while it is not referenced, or by what another day has left.
+    pub measured: Option<f64>,
+}
+
 /// A machine and its job at one instant. Arrays are by letter, X Y Z A B C U V W, in machine
 /// coordinates; what has no axis stays 0.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -17,6 +27,8 @@ pub struct Status {
     pub state: State,
     /// Whose positions are machine positions; what has no axis has none to home.
     pub referenced: [bool; COORDINATES],
+    /// How square the gantries are that homing takes square; `None` of other axes.
+    pub squareness: [Option<Squareness>; COORDINATES],
     /// The phase between power-up and the end.
     pub phase: Phase,
     /// Since the program could begin, s; `None` before.
@@ -93,6 +105,7 @@ impl Default for Status {
         Self {
             state: State::Starting,
             referenced: [true; COORDINATES],
+            squareness: [None; COORDINATES],
             phase: Phase::Survey,
             time: None,
             remaining: None,

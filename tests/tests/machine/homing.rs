@@ -754,6 +754,14 @@ fn the_squareness_of_the_switches_is_kept() {
     let mut rig = switched_on(&[skewed, known]);
     let left = squared(&mut rig, 0.1);
     assert!(left.abs() < 0.006, "{left}");
+    let shown = |rig: &Rig| rig.session.status().squareness[Axis::X.index()].expect("a gantry");
+    assert_eq!(shown(&rig).stored, 0.8);
+    assert!(shown(&rig).measured.is_some_and(|it| it.abs() < 0.006));
+    // What was measured goes with the reference.
+    rig.twin(X2).disturb(Disturbance::Reset);
+    settle(&mut rig);
+    assert!(!is_referenced(&rig, Axis::X), "{:?}", rig.events);
+    assert_eq!(shown(&rig).measured, None);
 }
 
 #[test]

@@ -263,6 +263,8 @@ impl Day {
         assert_eq!(self.powered(), vec![true; self.drives]);
         let skew = self.skew();
         assert!((skew - scene.axes[0].skew).abs() < 0.006, "{skew}");
+        let square = self.status().squareness;
+        assert!(square.iter().flatten().all(|it| it.measured.is_none()));
         self.go(Command::Mdi("G0 X1".to_owned()), State::Ready);
         let refused = self.rig.refused.pop().expect("no axis is referenced");
         assert!(matches!(refused.reason, Refusal::Machine(_)), "{refused:?}");
@@ -271,6 +273,14 @@ impl Day {
         assert_eq!(self.status().state_in_words(), "ready");
         let homed = |event: &&Event| matches!(event, Event::Referenced { .. });
         assert_eq!(self.rig.events.iter().filter(homed).count(), 3);
+        let square = self.status().squareness;
+        let gantries = self.drives - 3;
+        assert_eq!(square.iter().flatten().count(), gantries);
+        if let Some(square) = square[0] {
+            let measured = square.measured.expect("it is homed");
+            assert!((measured - skew).abs() < 0.006, "{measured} {skew}");
+            assert_eq!(square.stored, 0.0);
+        }
         assert_eq!(self.status().setpoint[..3], [0.0; 3]);
         self.assert_plants_are_there();
     }

@@ -1,8 +1,9 @@
 //! What the drives do and which inputs and outputs are on, in words, for a person at the machine.
 
 use crate::machine::Machine;
-use crate::session::Status;
+use crate::session::{Squareness, Status};
 use syncline_drives::model::PowerState;
+use syncline_gcode::Axis;
 
 /// What the row of the drives is called.
 pub(super) const DRIVES: &str = "drives";
@@ -25,6 +26,8 @@ pub(super) struct Signals {
     pub(super) inputs: Vec<String>,
     pub(super) outputs: Vec<String>,
     pub(super) analog_outputs: Vec<String>,
+    /// The gantries that homing takes square: letter and unit.
+    pub(super) gantries: Vec<(Axis, &'static str)>,
 }
 
 impl Signals {
@@ -38,13 +41,21 @@ impl Signals {
             inputs: machine.inputs.iter().map(|it| it.name.clone()).collect(),
             outputs: machine.outputs.iter().map(|it| it.name.clone()).collect(),
             analog_outputs: analog_outputs.iter().map(|it| it.name.clone()).collect(),
+            gantries: (machine.axes.iter())
+                .filter(|axis| axis.homing.square.is_some())
+                .map(|axis| (axis.letter, axis.units()[0]))
+                .collect(),
         }
     }
 
-    /// The drives' states, the inputs that are on, and the outputs that are on or put out something: a name
-    /// and what is to be told, for what the machine has.
+    /// The drives' states, how square gantries are, the inputs that are on, and the outputs that are on or put out
+    /// something: a name and what is to be told, for what the machine has.
     pub(super) fn rows(&self, status: &Status) -> Vec<(&'static str, String)> {
         let mut rows = vec![(DRIVES, self.drives_in_words(&status.drives))];
+        let square = self.squareness_in_words(status);
+        if !square.is_empty() {
+            rows.push(("square", square));
+        }
         if !self.inputs.is_empty() {
             rows.push(("inputs", listed(on(&self.inputs, &status.inputs).collect())));
         }
@@ -56,6 +67,20 @@ impl Signals {
             rows.push(("outputs", listed(outputs.collect())));
         }
         rows
+    }
+
+    /// What the homing of each gantry has found, and what is square by the machine file: `X was 1.9876 mm out, stored
+    /// 0.8000 mm`.
+    fn squareness_in_words(&self, status: &Status) -> String {
+        let gantries = self.gantries.iter().filter_map(|&(axis, unit)| {
+            let Squareness { stored, measured } = status.squareness[axis.index()]?;
+            let found = match measured {
+                Some(apart) => format!("was {apart:.4} {unit} out"),
+                None => "not measured".to_owned(),
+            };
+            Some(format!("{axis} {found}, stored {stored:.4} {unit}"))
+        });
+        gantries.collect::<Vec<_>>().join("; ")
     }
 
     /// Which drives are in which state, the most urgent first: `Y fault, X1 X2 enabled`.

@@ -346,7 +346,7 @@ fn draw_keys(frame: &mut Frame) {
 mod tests {
     use super::*;
     use crate::machine::Machine;
-    use crate::session::{Settings, Stopped};
+    use crate::session::{Settings, Squareness, Stopped};
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
     use syncline_drives::model::PowerState;
@@ -430,6 +430,21 @@ mod tests {
         model.status.analog_outputs = vec![37.5];
         model.status.drives[1] = PowerState::Fault;
         insta::assert_snapshot!(drawn(&model, 80, 24));
+    }
+
+    #[test]
+    fn how_square_a_gantry_is_stands_among_the_signals() {
+        let mut model = model();
+        model.signals.gantries = vec![(syncline_gcode::Axis::X, "mm")];
+        let square = |stored, measured| Some(Squareness { stored, measured });
+        model.status.squareness[0] = square(-0.8, None);
+        let screen = drawn(&model, 80, 24);
+        let told = "square   X not measured, stored -0.8000 mm";
+        assert!(screen.contains(told), "{screen}");
+        model.status.squareness[0] = square(0.8, Some(-1.98761));
+        let screen = drawn(&model, 80, 24);
+        let told = "square   X was -1.9876 mm out, stored 0.8000 mm";
+        assert!(screen.contains(told), "{screen}");
     }
 
     #[test]
