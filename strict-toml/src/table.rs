@@ -194,6 +194,17 @@ impl<'a, 'i> Table<'a, 'i> {
         texts.map(|texts| Spanned::new(value.span(), texts))
     }
 
+    /// A list of texts, if the key is there.
+    pub fn texts_if(
+        &mut self,
+        log: &mut Log<'_>,
+        key: &'static str,
+        allowed: &str,
+        count: RangeInclusive<usize>,
+    ) -> Found<Vec<Spanned<String>>> {
+        self.optional(key, |table| table.texts(log, key, allowed, count))
+    }
+
     /// `true` or `false`, or `default`.
     pub fn flag_or(&mut self, log: &mut Log<'_>, key: &'static str, default: bool) -> bool {
         match self.get(key) {

@@ -277,6 +277,7 @@ impl Shape {
                         standstill: 0.1,
                     },
                     homing: Homing::default(),
+                    limit_inputs: [Vec::new(), Vec::new()],
                     kept: Err(NotKept::Unknown),
                 })
                 .collect(),

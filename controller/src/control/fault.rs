@@ -331,6 +331,15 @@ pub enum AxisCause {
         /// For how long, s.
         time: f64,
     },
+    /// A limit switch of its own is on that forbids its motion.
+    LimitSwitch {
+        /// The switch.
+        input: InputIndex,
+        /// It is the one at the positive end.
+        positive: bool,
+        /// It came on while the axis moved away from it.
+        moving_away: bool,
+    },
     /// Its encoder and its drives disagree about where it is.
     FeedbackDifference {
         /// The encoder's position minus the drives', mm.
@@ -469,7 +478,9 @@ impl Fault {
             AxisCause::Standstill { distance } | AxisCause::NotThere { distance } => {
                 (distance, limits.standstill)
             }
-            AxisCause::NotAcknowledged { .. } | AxisCause::NotHalted { .. } => return None,
+            AxisCause::NotAcknowledged { .. }
+            | AxisCause::NotHalted { .. }
+            | AxisCause::LimitSwitch { .. } => return None,
             AxisCause::FeedbackDifference { difference } => {
                 (difference.abs(), names.axis(axis).feedback?.difference)
             }
@@ -493,6 +504,13 @@ impl Fault {
             Self::Device(device, cause) => format!("{}: {cause}", names.subject(device)),
             Self::Axis(axis, cause @ AxisCause::SetpointGuard { drive, .. }) => {
                 format!("{}, {}", names.who(drive), cause.describe(names.axis(axis)))
+            }
+            Self::Axis(axis, cause @ AxisCause::LimitSwitch { input, .. }) => {
+                format!(
+                    "input \"{}\", {}",
+                    names.input(input),
+                    cause.describe(names.axis(axis))
+                )
             }
             Self::Axis(axis, cause) => cause.describe(names.axis(axis)),
             Self::Bus(bus, cause) => format!("bus {}: {cause}", names.bus(bus)),
@@ -568,6 +586,25 @@ impl AxisCause {
                 "axis {name}: its drive was told to halt and has not come to rest for {time:.2} s: check its ramps, \
                  and that its R_PDOs reach it"
             ),
+            Self::LimitSwitch {
+                positive,
+                moving_away,
+                ..
+            } => {
+                let [end, other] = match positive {
+                    true => ["positive", "negative"],
+                    false => ["negative", "positive"],
+                };
+                match moving_away {
+                    false => format!(
+                        "axis {name} is on its {end} limit switch: reset, then jog it off in {other} direction"
+                    ),
+                    true => format!(
+                        "axis {name} moved in {other} direction as its {end} limit switch came on: check whether \
+                         its two limit switches are wired the wrong way round, then reset"
+                    ),
+                }
+            }
             Self::FeedbackDifference { difference } => format!(
                 "axis {name}: its encoder is {difference:.4} {unit} from where its drive says that it \
                  is, allowed {} {unit}: look for a coupling or belt that slips or is broken and for \

@@ -68,7 +68,7 @@ impl Inputs {
     }
 
     /// Whether it is on; an input that was not seen yet is off.
-    fn is_on(&self, input: InputIndex) -> bool {
+    pub(super) fn is_on(&self, input: InputIndex) -> bool {
         self.0[input].level == Some(true)
     }
 }

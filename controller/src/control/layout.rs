@@ -140,6 +140,8 @@ pub struct AxisSpec {
     pub limits: AxisLimits,
     /// How it comes to know where it is.
     pub homing: Homing,
+    /// The limit switches at its negative and at its positive end.
+    pub limit_inputs: [Vec<InputIndex>; 2],
     /// The references of its drives from when the machine was on last.
     pub kept: Result<Vec<Kept>, NotKept>,
 }
@@ -283,6 +285,7 @@ impl Layout {
                     }),
                     limits: axis.limits,
                     homing: axis.homing.clone(),
+                    limit_inputs: axis.limit_inputs.clone(),
                     kept: Err(NotKept::Unknown),
                 })
                 .collect(),

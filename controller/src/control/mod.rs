@@ -16,6 +16,7 @@
 //! - [`functions`]: what M-codes switch, at their place on the path
 //! - `homing`: how axes come to know where they are
 //! - `inputs`: the machine's inputs that mean something
+//! - `limit_switches`: those beyond which no axis is sent
 //! - `probing`: towards what a probe touches, and where that was
 //! - `jogs`: how far, how fast and how long axes are jogged
 //! - `node`, `sdo_sequence`: a drive over its bus; what it is asked by SDO
@@ -38,6 +39,7 @@ mod instruction;
 pub mod job;
 mod jogs;
 pub mod layout;
+mod limit_switches;
 pub mod loss;
 mod node;
 mod order;
@@ -82,6 +84,7 @@ use fault::{BusCause, BusIndex, DeviceCause, DeviceIndex, Names};
 use functions::Switches;
 use homing::Homing;
 use inputs::{Awaited, Inputs};
+use limit_switches::LimitSwitches;
 use node::DeviceNode;
 use probing::Probing;
 use setpoint_misses::SetpointMisses;
@@ -259,6 +262,7 @@ pub struct Controller<const N: usize> {
     switches: Switches,
     spindle: SpindleWatch,
     inputs: Inputs,
+    limit_switches: LimitSwitches,
     /// While the path rests at an M66.
     awaited: Option<Awaited>,
     calls: UserCalls,
@@ -339,6 +343,7 @@ impl<const N: usize> Controller<N> {
             switches: Switches::new(&layout),
             spindle: SpindleWatch::new(&layout),
             inputs: Inputs::new(&layout.inputs, layout.cycle),
+            limit_switches: LimitSwitches::new(&layout),
             awaited: None,
             calls: UserCalls::default(),
             pause_told: false,
@@ -455,6 +460,9 @@ impl<const N: usize> Controller<N> {
             self.fail(fault);
         }
         if let Err(fault) = self.watch_inputs() {
+            self.fail(fault);
+        }
+        if let Err(fault) = self.watch_limit_switches() {
             self.fail(fault);
         }
         self.supervise(due);

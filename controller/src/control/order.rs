@@ -91,6 +91,14 @@ pub enum Refusal {
     /// The axis with this coordinate knows where it is.
     #[error("axis {} has an absolute encoder: there is nothing to home", letter(*.0))]
     Absolute(usize),
+    /// The axis with this coordinate is on a limit switch, beyond which the order leads, or may lead.
+    #[error("axis {} is on its {} limit switch: jog it off first", letter(*.axis), if *.positive { "positive" } else { "negative" })]
+    OnLimit {
+        /// Its coordinate.
+        axis: usize,
+        /// The switch is that of the positive end.
+        positive: bool,
+    },
     /// The axis with this coordinate follows no path.
     #[error("axis {} goes point to point and cannot be jogged: type a line that moves it", letter(*.0))]
     PointToPoint(usize),
@@ -164,6 +172,7 @@ impl<const N: usize> Controller<N> {
             return Err(Refusal::DoorOpen);
         }
         self.check_references(&order)?;
+        self.check_limit_switches(&order)?;
         let leads_on = matches!(order, Order::CycleStart | Order::Resume | Order::Retrace);
         if self.rests_aside() && leads_on {
             return Err(Refusal::SetAside);

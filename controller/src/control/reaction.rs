@@ -80,6 +80,8 @@ pub enum Cause {
     Jump,
     /// An encoder of an axis and its drives disagree.
     Feedback,
+    /// An axis is on a limit switch.
+    LimitSwitch,
     /// A gantry's sides are apart.
     Skew,
     /// A setpoint would have an axis exceed its limits.
@@ -102,7 +104,7 @@ pub struct Rule {
 }
 
 /// The table, in the order of [`Cause`].
-pub const RULES: [Rule; 23] = [
+pub const RULES: [Rule; 24] = [
     rule(Cause::FeedHold, Reaction::FeedHold, Clearing::GoOn),
     rule(Cause::Door, Reaction::FeedHold, Clearing::GoOn),
     rule(Cause::Stop, Reaction::StopOnPath, Clearing::Nobody),
@@ -134,6 +136,7 @@ pub const RULES: [Rule; 23] = [
     ),
     rule(Cause::Jump, Reaction::QuickStopAxis, Clearing::Reset),
     rule(Cause::Feedback, Reaction::StopOnPath, Clearing::Reset),
+    rule(Cause::LimitSwitch, Reaction::QuickStopAxis, Clearing::Reset),
     rule(Cause::Skew, Reaction::QuickStopAll, Clearing::Reset),
     rule(
         Cause::SetpointGuard,
@@ -172,6 +175,7 @@ impl Fault {
                 }
                 AxisCause::Skew { .. } => Cause::Skew,
                 AxisCause::FeedbackDifference { .. } => Cause::Feedback,
+                AxisCause::LimitSwitch { .. } => Cause::LimitSwitch,
                 AxisCause::FollowingError { .. }
                 | AxisCause::NotThere { .. }
                 | AxisCause::NotAcknowledged { .. }
@@ -279,6 +283,7 @@ impl fmt::Display for Cause {
             Self::FollowingError => "following error",
             Self::Jump => "jump of an actual position",
             Self::Feedback => "difference between an axis' encoder and its drives",
+            Self::LimitSwitch => "an axis moves further onto its limit switch, or its other one comes on",
             Self::Skew => "skew of a gantry",
             Self::SetpointGuard => "setpoint of a drive beyond its axis' limits",
             Self::EnableLost => "external enable off",

@@ -156,6 +156,15 @@ impl Homing {
         }
     }
 
+    /// The switches by which it is homed, by their places in [`Machine::inputs`](super::Machine::inputs).
+    #[must_use]
+    pub fn switches(&self) -> &[usize] {
+        match &self.method {
+            HomingMethod::Switch(search) => &search.inputs,
+            _ => &[],
+        }
+    }
+
     /// Where the axis goes once its place is found, and how fast; mm and mm/s.
     #[must_use]
     pub fn final_move(&self) -> Option<(f64, f64)> {
@@ -536,7 +545,7 @@ pub(super) fn join(
                 );
             }
             for switch in switches.get_ref() {
-                let Some(input) = home_input(log, name, switch, inputs) else {
+                let Some(input) = home_input(log, &axes[index], switch, (inputs, search)) else {
                     continue;
                 };
                 search.inputs.push(input);
@@ -614,18 +623,36 @@ fn check_method(log: &mut Log<'_>, axis: &Axis, drives: &[Drive], method: u8, pl
     }
 }
 
-/// The input of that name, if it is a home switch.
+/// The input of that name, if it is a home switch, or the axis' own limit switch on the side of the search.
 fn home_input(
     log: &mut Log<'_>,
-    axis: &str,
+    axis: &Axis,
     switch: &Spanned<String>,
-    inputs: &[Input],
+    (inputs, search): (&[Input], &SwitchSearch),
 ) -> Option<usize> {
-    let home = |input: &&Input| input.meaning == InputMeaning::Home;
-    let found = inputs.iter().position(|it| it.name == *switch.get_ref());
-    let found = found.filter(|&index| home(&&inputs[index]));
+    let (name, limits) = (axis.name(), axis.limits.position);
+    let (end, travel) = match search.direction > 0.0 {
+        true => (&axis.limit_inputs[1], limits.1),
+        false => (&axis.limit_inputs[0], limits.0),
+    };
+    let allowed = (0..inputs.len())
+        .filter(|place| inputs[*place].meaning == InputMeaning::Home || end.contains(place));
+    let found = (allowed.clone()).find(|&place| inputs[place].name == *switch.get_ref());
+    if found.is_some_and(|place| end.contains(&place))
+        && (search.position - travel) * search.direction <= 0.0
+    {
+        log.report(
+            switch.span(),
+            format!(
+                "axis \"{name}\": homing: its soft limits go up to {travel}, and its limit switch \"{}\" is on from {} on",
+                switch.get_ref(),
+                search.position
+            ),
+            "let `soft_limits` end in front of the `position` of the switch",
+        );
+    }
     if found.is_none() {
-        let names = inputs.iter().filter(home).map(|input| input.name.as_str());
+        let names = allowed.map(|place| inputs[place].name.as_str());
         let near = nearest(switch.get_ref(), names.clone());
         let help = match near {
             Some(near) => format!("allowed: {}; nearest: \"{near}\"", one_of(names)),
@@ -634,7 +661,7 @@ fn home_input(
         log.report(
             switch.span(),
             format!(
-                "axis \"{axis}\": homing: there is no home switch \"{}\"",
+                "axis \"{name}\": homing: there is no home switch \"{}\"",
                 switch.get_ref()
             ),
             help,

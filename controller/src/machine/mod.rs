@@ -8,6 +8,7 @@ mod encoder;
 mod fits;
 mod homing;
 mod io_node;
+mod limit_inputs;
 mod node;
 mod probing;
 mod read;
@@ -201,6 +202,8 @@ pub struct Axis {
     pub drive_soft_limits: bool,
     /// How it comes to know where it is.
     pub homing: Homing,
+    /// The limit switches at its negative and at its positive end, by their places in [`Machine::inputs`].
+    pub limit_inputs: [Vec<usize>; 2],
     /// What says where it is, beside its drives.
     pub feedback: Option<Feedback>,
     /// How its drives bring it to where it is sent.

@@ -7,6 +7,7 @@ use super::encoder::{self, EncoderTable, FeedbackTable};
 use super::fits::{self, Asked, Pairing};
 use super::homing::{self, HomingTable};
 use super::io_node::IoTable;
+use super::limit_inputs::{self, LimitTable};
 use super::node::{self, NodeTable, node_id};
 use super::probing;
 use super::retraction::RetractionTable;
@@ -216,7 +217,7 @@ impl Tables {
         let io_nodes: Vec<_> = io_nodes.map(|(io, bus)| io.join(bus)).collect();
         let motions: Vec<_> = self.axes.iter().map(|axis| axis.motion.clone()).collect();
         let losses: Vec<_> = (self.axes.iter().map(|it| it.position_loss.clone())).collect();
-        let (mut axes, homings): (Vec<_>, Vec<_>) = self
+        let (mut axes, rest): (Vec<_>, Vec<_>) = self
             .axes
             .into_iter()
             .map(|axis| {
@@ -255,6 +256,8 @@ impl Tables {
             analog_outputs,
         } = signals;
         let wired = (&inputs[..], &places[..]);
+        let (homings, limit_switches): (_, Vec<_>) = rest.into_iter().unzip();
+        limit_inputs::join(log, &mut axes, &limit_switches, wired);
         let joined = (&mut axes[..], &drives[..], cycle);
         homing::join(log, joined, homings, wired, &self.homing);
         let mut machine = Machine {
@@ -283,6 +286,7 @@ impl Tables {
             assumptions: self.assumptions,
         };
         fits::settle_motions(log, &mut machine, &motions, &named);
+        limit_inputs::check(log, &machine, &limit_switches);
         encoder::check(log, &machine, &stated);
         fits::check_loops(log, &machine, &named);
         fits::check_losses(log, &machine, &losses);
@@ -595,6 +599,7 @@ struct AxisTable {
     /// What its drives are to do besides.
     asked: Vec<Asked>,
     homing: Option<HomingTable>,
+    limit_switches: LimitTable,
     feedback: Option<FeedbackTable>,
     hardware_stops: bool,
     position_loss: Option<Spanned<i64>>,
@@ -677,6 +682,7 @@ impl AxisTable {
         };
         let limits = limits();
         let homing = homing::read(log, &mut table, &limits.unwrap_or_default(), rotary);
+        let limit_switches = LimitTable::read(log, &mut table);
         let feedback = FeedbackTable::read(log, &mut table, position);
         let stops = ["hardware"].into_iter();
         let hardware_stops = table.choice_if(log, "unsupervised_stop", stops).is_some();
@@ -704,6 +710,7 @@ impl AxisTable {
             limits: limits?,
             asked,
             homing,
+            limit_switches,
             feedback,
             hardware_stops,
             position_loss,
@@ -720,8 +727,12 @@ impl AxisTable {
         self.pitch / self.gear
     }
 
-    /// The axis with those drives, and how it is homed.
-    fn join(self, drives: Vec<usize>, encoder: Option<usize>) -> (Axis, Option<HomingTable>) {
+    /// The axis with those drives, how it is homed, and its limit switches.
+    fn join(
+        self,
+        drives: Vec<usize>,
+        encoder: Option<usize>,
+    ) -> (Axis, (Option<HomingTable>, LimitTable)) {
         let asks = |ability| self.asked.iter().any(|asked| asked.ability == ability);
         let axis = Axis {
             drive_following_error: asks(Ability::FollowingErrorLimit),
@@ -731,6 +742,7 @@ impl AxisTable {
             drives,
             limits: self.limits,
             homing: Homing::default(),
+            limit_inputs: [Vec::new(), Vec::new()],
             feedback: encoder.zip(self.feedback).map(|(encoder, table)| Feedback {
                 encoder,
                 difference: table.difference,
@@ -742,7 +754,7 @@ impl AxisTable {
             motion: Motion::Path,
             simulation: self.simulation,
         };
-        (axis, self.homing)
+        (axis, (self.homing, self.limit_switches))
     }
 }
 

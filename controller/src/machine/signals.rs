@@ -48,6 +48,8 @@ pub enum InputMeaning {
     Home,
     /// It is on while the probe touches something.
     Probe,
+    /// It is on beyond an end of the travel of an axis, which goes no further there.
+    Limit,
 }
 
 /// A digital output of a drive or of an I/O node, and what the machine uses it for.
@@ -120,7 +122,7 @@ pub enum AnalogSource {
 }
 
 /// What inputs mean besides their numbers, by their names in the file.
-const MEANINGS: [(&str, InputMeaning); 7] = [
+const MEANINGS: [(&str, InputMeaning); 8] = [
     ("enable", InputMeaning::Enable),
     ("feed_hold", InputMeaning::FeedHold),
     ("cycle_start", InputMeaning::CycleStart),
@@ -128,6 +130,7 @@ const MEANINGS: [(&str, InputMeaning); 7] = [
     ("at_speed", InputMeaning::AtSpeed),
     ("home", InputMeaning::Home),
     ("probe", InputMeaning::Probe),
+    ("limit", InputMeaning::Limit),
 ];
 
 /// What switches outputs besides their numbers.
@@ -255,11 +258,12 @@ impl Wire {
     }
 }
 
-/// What the place of an input's edge matters of.
+/// What an input is called of which every cycle's level counts.
 fn edge_of(meaning: Option<InputMeaning>) -> Option<&'static str> {
     match meaning? {
         InputMeaning::Home => Some("home switch"),
         InputMeaning::Probe => Some("probe"),
+        InputMeaning::Limit => Some("limit switch"),
         _ => None,
     }
 }

@@ -199,6 +199,15 @@ texts! {
     "axis Y: an actual position jumped by 3.5000 mm, 1.2500 mm were possible: check the encoder and \
      its coupling, then the position of the axis";
 
+    Fault::Axis(_, AxisCause::LimitSwitch { moving_away: false, .. }),
+    Fault::Axis(1, AxisCause::LimitSwitch { input: 0, positive: false, moving_away: false }),
+    "input \"enable\", axis Y is on its negative limit switch: reset, then jog it off in positive direction";
+
+    Fault::Axis(_, AxisCause::LimitSwitch { moving_away: true, .. }),
+    Fault::Axis(1, AxisCause::LimitSwitch { input: 0, positive: true, moving_away: true }),
+    "input \"enable\", axis Y moved in negative direction as its positive limit switch came on: check whether its two \
+     limit switches are wired the wrong way round, then reset";
+
     Fault::Axis(_, AxisCause::SetpointGuard { .. }),
     Fault::Axis(1, AxisCause::SetpointGuard {
         drive: 2, quantity: Quantity::Acceleration, value: 12_345.6,

@@ -1244,6 +1244,83 @@ fn a_search_for_a_hard_stop_is_read_and_its_mistakes_are_told() {
     assert!(errors(&gantry).contains(told), "{}", errors(&gantry));
 }
 
+/// The router with limit switches of Y.
+fn with_limits(axis: &str, homing: Option<&str>) -> String {
+    let input = |name: &str, signal: &str| {
+        format!(
+            "[[input]]\nname = \"{name}\"\ndrive = \"Y\"\nsignal = \"{signal}\"\nfunction = \"limit\"\n\n"
+        )
+    };
+    let inputs = input("Y-", "DI2") + &input("Y+", "DI3") + "[machine]\n";
+    let y = "name = \"Y\"\ndrives = [\"Y\"]\n";
+    let text = ROUTER.replacen("[machine]\n", &inputs, 1);
+    let text = text.replacen(y, &format!("{y}{axis}"), 1);
+    match homing {
+        None => text,
+        Some(homing) => {
+            let begin = text.find("kind = \"switch\"\norder = 2\nswitches").unwrap();
+            let end = begin + text[begin..].find("\n\n").unwrap();
+            let spare = "signal = \"DI0\"\nnumber = 5";
+            let home = "name = \"home Y\"\ndrive = \"Y\"\nsignal = \"DI0\"\nfunction = \"home\"";
+            let named = format!("name = \"home Y\"\ndrive = \"Y\"\n{spare}");
+            format!("{}{homing}{}", &text[..begin], &text[end..]).replacen(home, &named, 1)
+        }
+    }
+}
+
+const BOTH_LIMITS: &str = "negative_limit = [\"Y-\"]\npositive_limit = [\"Y+\"]\n";
+
+#[test]
+fn limit_switches_are_read() {
+    let machine = parse(&with_limits(BOTH_LIMITS, None)).unwrap();
+    assert_eq!(machine.axes[1].limit_inputs, [vec![0], vec![1]]);
+    assert!(machine.axes[0].limit_inputs.iter().all(Vec::is_empty));
+    let by_limit = "kind = \"switch\"\nswitches = [\"Y-\"]\ndirection = \"negative\"\nspeed = 80.0\nslow_speed = 2.0\n\
+                    back_off = 5.0\nposition = -4.0";
+    let machine = parse(&with_limits(BOTH_LIMITS, Some(by_limit))).unwrap();
+    assert_eq!(machine.axes[1].homing.switches(), [0]);
+
+    let by_drive = "kind = \"drive\"\nspeed = 60.0\nslow_speed = 2.0\nmethod = 17\nposition = -4.0";
+    let swapped = by_limit.replace("\"negative\"", "\"positive\"");
+    let on_travel = by_limit.replace("-4.0", "0.0");
+    for (axis, homing, told) in [
+        ("", None, "input \"Y-\": no axis ends at it"),
+        (
+            "negative_limit = [\"Y-\"]\npositive_limit = [\"Y*\"]\n",
+            None,
+            "axis \"Y\": there is no limit switch \"Y*\"",
+        ),
+        (
+            "negative_limit = [\"home Y\"]\n",
+            None,
+            "axis \"Y\": there is no limit switch \"home Y\"",
+        ),
+        (
+            "negative_limit = [\"Y-\"]\npositive_limit = [\"Y-\", \"Y+\"]\n",
+            None,
+            "axis \"Y\": limit switch \"Y-\" a second time",
+        ),
+        (
+            BOTH_LIMITS,
+            Some(by_drive),
+            "axis \"Y\": `negative_limit` of an axis that is homed by its drive",
+        ),
+        (
+            BOTH_LIMITS,
+            Some(&swapped),
+            "axis \"Y\": homing: there is no home switch \"Y-\"",
+        ),
+        (
+            BOTH_LIMITS,
+            Some(&on_travel),
+            "axis \"Y\": homing: its soft limits go up to 0, and its limit switch \"Y-\" is on from 0 on",
+        ),
+    ] {
+        let errors = errors(&with_limits(axis, homing));
+        assert!(errors.contains(told), "{told}: {errors}");
+    }
+}
+
 #[test]
 fn mistakes_of_homing_are_told() {
     for (from, to, told) in [

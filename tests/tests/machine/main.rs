@@ -26,6 +26,7 @@ mod identify;
 mod io_nodes;
 mod jogs;
 mod judge;
+mod limit_switches;
 mod lines;
 mod losses;
 mod low_bits;

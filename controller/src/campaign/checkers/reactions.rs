@@ -77,6 +77,7 @@ fn row(fault: &Fault) -> (Subject, Row) {
                 AxisCause::SetpointGuard { .. } => ("a setpoint beyond limits", QuickStopAll),
                 AxisCause::FeedbackDifference { .. } => ("an encoder that disagrees", OnPath),
                 AxisCause::Jump { .. } => ("a jump", QuickStopAxis),
+                AxisCause::LimitSwitch { .. } => ("a limit switch", QuickStopAxis),
                 AxisCause::OutsideSoftLimits { .. } | AxisCause::Standstill { .. } => {
                     ("an axis not where it should be", Disable)
                 }

@@ -104,6 +104,12 @@ impl Homing {
         self.stage != Stage::Idle
     }
 
+    /// Whether an axis is on its way to where it finds its place, or rests there until it leaves.
+    pub(super) fn searches(&self, axis: AxisIndex) -> bool {
+        let before = [Stage::Searching, Stage::Found, Stage::Squaring];
+        before.contains(&self.stage) && has(self.group, axis)
+    }
+
     /// Whether an axis of the group does not move, and waits until no other one does.
     fn is_quiet(&self, axis: AxisIndex) -> bool {
         has(self.found, axis)
