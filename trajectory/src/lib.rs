@@ -17,6 +17,7 @@
 //! - [`profile`]: motions of one axis as constant-jerk segments; evaluation and exact extrema.
 //! - [`state_to_state`]: one axis from any state to any state, as fast as its [`limits`] allow.
 //! - [`synchronise`]: several axes on a line, together, or each on its own.
+//! - [`synchronous`]: along a line in step with a spindle that is measured.
 //! - [`path`]: motion of all axes along programmed geometry, and its execution.
 //! - [`shaper`]: input shaping, against vibrations that a motion would excite.
 //! - [`verify`]: certifies plans, in arithmetic of its own.
@@ -30,4 +31,5 @@ pub mod profile;
 pub mod shaper;
 pub mod state_to_state;
 pub mod synchronise;
+pub mod synchronous;
 pub mod verify;

@@ -6,6 +6,7 @@ use syncline_trajectory::path::{Executor, Jog, Travel};
 use syncline_trajectory::profile::{Profile, State};
 use syncline_trajectory::state_to_state::{Axis, plan};
 use syncline_trajectory::synchronise::{Synchronisation, plan as plan_all};
+use syncline_trajectory::synchronous::{AngleObserver, Follower, Thread};
 use syncline_trajectory::verify;
 
 #[global_allocator]
@@ -86,5 +87,29 @@ fn jogs_allocate_nothing() {
         while executor.is_off_path() {
             executor.advance();
         }
+    });
+}
+
+#[test]
+fn threads_allocate_nothing() {
+    let thread = Thread {
+        length: 20.0,
+        lead: 1.0,
+        reverse: false,
+        tolerance: 0.1,
+    };
+    let limits = Limits::symmetric(100.0, 1_000.0, 20_000.0);
+    let mut observer = AngleObserver::new(0.002, 1e-4);
+    let mut follower = Follower::new(thread, limits, 0.002);
+    assert_no_alloc(|| {
+        for cycle in 0..20_000 {
+            observer.advance(0.002);
+            observer.measure(10.0 * 0.002 * f64::from(cycle));
+            follower.advance(&observer, 0.004).unwrap();
+            if follower.is_over() {
+                return;
+            }
+        }
+        panic!("it never ends");
     });
 }

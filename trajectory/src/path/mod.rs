@@ -53,6 +53,8 @@ pub mod shaping;
 pub mod time_parametrisation;
 pub mod window;
 
+use crate::limits;
+
 pub use curve::{Arc, Curve, CurveError, Derivatives, Line, Plane, Poly};
 pub use executor::{Executor, Setpoint};
 pub use jog::{Jog, JogError, Leg, Retraction, Travel};
@@ -68,6 +70,20 @@ pub struct Limits<const N: usize> {
     pub acceleration: [f64; N],
     /// mm/s³
     pub jerk: [f64; N],
+}
+
+impl<const N: usize> Limits<N> {
+    /// What they leave of a motion along a line in a direction of length 1.
+    pub fn along(&self, direction: &[f64; N]) -> limits::Limits {
+        let least = |of: &[f64; N]| {
+            let shares = of.iter().zip(direction).filter(|(_, share)| **share != 0.0);
+            shares
+                .map(|(limit, share)| limit / share.abs())
+                .fold(f64::INFINITY, f64::min)
+        };
+        let [v, a, j] = [&self.velocity, &self.acceleration, &self.jerk].map(least);
+        limits::Limits::symmetric(v, a, j)
+    }
 }
 
 /// How fast the tool may go along the path.

@@ -11,4 +11,5 @@ mod overrides;
 mod path;
 mod programs;
 mod shaping;
+mod synchronous;
 mod tolerances;
