@@ -57,6 +57,13 @@ pub enum Action {
         /// How fast.
         feed: Feed,
     },
+    /// Straight to a point in step with the spindle, from where its angle is a whole number of turns (G33).
+    Thread {
+        /// Where to.
+        to: Point,
+        /// How far along the way there in a turn, mm.
+        lead: f64,
+    },
     /// Straight towards a point at a feed until the probe's contact changes (G38.2 … G38.5). The program goes on
     /// once it is known what came of it.
     Probe {

@@ -305,6 +305,21 @@ pub enum Fault {
     )]
     HomeNothing { code: Code },
 
+    // Threads.
+    #[error(
+        "{code} needs a spindle whose angle is measured: name the `drive` that turns it in [spindle] of the machine \
+         file, or mill the thread with G2 or G3 and Z"
+    )]
+    NoSpindleAngle { code: Code },
+    #[error("{code} needs a spindle that turns: write M3 or M4 and S before")]
+    ThreadSpindle { code: Code },
+    #[error("{code} leads nowhere: write where the thread ends")]
+    ThreadNowhere { code: Code },
+    #[error("{code} moves along X Y Z only: move {axis} there before")]
+    ThreadAxis { code: Code, axis: Axis },
+    #[error("{code} is not possible while G41 or G42 is on: write G40 and a line before")]
+    ThreadCompensated { code: Code },
+
     // Probing.
     #[error("{code} needs a probe: give an [[input]] of the machine file `function = \"probe\"`")]
     NoProbe { code: Code },

@@ -573,6 +573,7 @@ impl Interpreter {
             match &action {
                 Action::Rapid { to }
                 | Action::Feed { to, .. }
+                | Action::Thread { to, .. }
                 | Action::Probe { to, .. }
                 | Action::Home { to, .. } => self.settled_at = *to,
                 Action::Arc { arc, .. } => self.settled_at = arc.to,
@@ -649,6 +650,7 @@ impl Iterator for Interpreter {
             Action::Rapid { to } | Action::Feed { to, .. } => (*to, *to != self.idle_at),
             Action::Arc { arc, .. } => (arc.to, true),
             Action::Spline { spline, .. } => (spline.to, true),
+            Action::Thread { to, .. } => (*to, true),
             Action::Probe { .. } => {
                 self.awaits = Some(Awaited::Probing);
                 (self.idle_at, true)

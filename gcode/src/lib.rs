@@ -46,6 +46,7 @@ mod spline;
 mod switches;
 mod system;
 mod tables;
+mod thread;
 mod words;
 
 pub use arc::{Arc, Direction, Plane, RADIUS_RATIO, RADIUS_TOLERANCE};
@@ -96,6 +97,8 @@ pub struct Setup {
     pub inputs: u64,
     /// What can be read by name: `#<_hal[…]>`, `#<_ini[…]…>`.
     pub names: std::sync::Arc<MachineNames>,
+    /// Whether the spindle's angle is measured, for G33.
+    pub has_spindle_angle: bool,
     /// Whether there is a probe for G38.2 to G38.5.
     pub has_probe: bool,
     /// By [`Axis::index`], what G28.2 does with the axis; `None`: it knows where it is.
@@ -128,6 +131,7 @@ impl Setup {
             typed: false,
             inputs: 0,
             names: std::sync::Arc::default(),
+            has_spindle_angle: false,
             has_probe: false,
             homed: [None; 9],
             spindle_speeds: None,

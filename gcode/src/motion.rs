@@ -38,6 +38,7 @@ impl State {
                 Code::G(50) => Motion::Cubic,
                 Code::G(51) => Motion::Quadratic,
                 Code::G(52) => Motion::Nurbs,
+                Code::G(330) => Motion::Thread,
                 Code::G(tenths @ 382..=385) => Motion::Probe(Probe {
                     away: tenths >= 384,
                     required: tenths % 2 == 0,
@@ -84,6 +85,9 @@ impl State {
                 Motion::Probe(_) if explicit.is_some() => {
                     Err(Refusal::new(motion_columns, Fault::ProbeNowhere { code }))
                 }
+                Motion::Thread if explicit.is_some() => {
+                    Err(Refusal::new(motion_columns, Fault::ThreadNowhere { code }))
+                }
                 _ => Ok(()),
             };
         }
@@ -97,6 +101,9 @@ impl State {
         }
         if let Motion::Probe(probe) = motion {
             return self.probe(probe, words, motion_columns, commands);
+        }
+        if motion == Motion::Thread {
+            return self.thread(words, motion_columns, commands);
         }
         if let Motion::Cubic | Motion::Quadratic | Motion::Nurbs = motion {
             return self.spline(motion, words, motion_columns, commands);
@@ -169,9 +176,10 @@ impl State {
             self.compensated = Compensated::Off;
         }
         match &action {
-            Action::Rapid { to } | Action::Feed { to, .. } | Action::Probe { to, .. } => {
-                self.at = *to;
-            }
+            Action::Rapid { to }
+            | Action::Feed { to, .. }
+            | Action::Thread { to, .. }
+            | Action::Probe { to, .. } => self.at = *to,
             Action::Arc { arc, .. } => self.at = arc.to,
             Action::Spline { spline, .. } => self.at = spline.to,
             _ => {}
@@ -435,8 +443,10 @@ impl State {
     /// Refuses a motion that leaves the soft limits anywhere.
     pub(crate) fn within_limits(&self, from: &Point, action: &Action) -> Result<(), (Axis, Fault)> {
         for axis in self.setup.axes.iter() {
-            if let Action::Rapid { to } | Action::Feed { to, .. } | Action::Probe { to, .. } =
-                action
+            if let Action::Rapid { to }
+            | Action::Feed { to, .. }
+            | Action::Thread { to, .. }
+            | Action::Probe { to, .. } = action
             {
                 in_range(axis, to[axis]).map_err(|fault| (axis, fault))?;
             }
@@ -446,9 +456,10 @@ impl State {
             let (low, high) = match action {
                 Action::Arc { arc, .. } => arc.extent(axis),
                 Action::Spline { spline, .. } => spline.extent(axis),
-                Action::Rapid { to } | Action::Feed { to, .. } | Action::Probe { to, .. } => {
-                    (to[axis], to[axis])
-                }
+                Action::Rapid { to }
+                | Action::Feed { to, .. }
+                | Action::Thread { to, .. }
+                | Action::Probe { to, .. } => (to[axis], to[axis]),
                 _ => continue,
             };
             // An axis that rests may stand outside: that is for the caller to judge.

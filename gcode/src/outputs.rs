@@ -42,6 +42,7 @@ impl PassedOutputs {
                 self.at = *to;
                 return;
             }
+            Action::Thread { to, .. } => *to,
             Action::Arc { arc, .. } => arc.to,
             Action::Spline { spline, .. } => spline.to,
             _ => return,

@@ -67,6 +67,7 @@ impl Plan {
                 Instruction::Mark { item, mark, .. } => Command::Mark { item, mark },
                 Instruction::Switch { .. }
                 | Instruction::Probe(_)
+                | Instruction::Thread(_)
                 | Instruction::Home { .. }
                 | Instruction::Found(_) => {
                     continue;

@@ -191,6 +191,13 @@ pub enum Event {
         /// Program line.
         line: u32,
     },
+    /// A thread has been cut.
+    Threaded {
+        /// Program line.
+        line: u32,
+        /// By how much the axes were out of step with the spindle at most, mm, as the drives measured both.
+        off: f64,
+    },
     /// A probing failed; the job is over.
     ProbingFailed {
         /// Program line.
@@ -526,6 +533,7 @@ impl Event {
             | Self::HomingFailed { axis, .. } => return self.describe_axis(names.axis(axis)),
             Self::Probed { .. }
             | Self::ProgramHomed { .. }
+            | Self::Threaded { .. }
             | Self::ProbingFailed { .. }
             | Self::Touched => return self.describe_probing(names),
             Self::MissedTPdo { device } => format!("{}: T_PDO missing in one cycle", who(device)),
@@ -591,13 +599,19 @@ impl Event {
         })
     }
 
-    /// What came of a probing, of none, or of a program's homing.
+    /// What came of a probing, of none, of a thread, or of a program's homing.
     fn describe_probing(&self, names: &impl Names) -> Option<String> {
         Some(match *self {
             Self::Probed { line, found } => match found {
                 Some((off, by)) => format!("line {line}: contact, known to {off:.4} mm {by}"),
                 None => format!("line {line}: no contact"),
             },
+            Self::Threaded { line, off } => {
+                format!(
+                    "line {line}: thread cut, in step within {:.1} µm",
+                    1e3 * off
+                )
+            }
             Self::ProgramHomed { line } => format!("line {line}: homed, going on"),
             Self::ProbingFailed { line, failure } => {
                 Fault::Probing { line, failure }.describe(names)

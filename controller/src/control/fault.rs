@@ -8,6 +8,7 @@ use super::inputs::InputIndex;
 use super::layout::AxisSpec;
 use super::probing::ProbeFailure;
 use super::setpoint_guard::Quantity;
+use super::threading::ThreadFailure;
 use std::fmt;
 use syncline_canopen::NodeId;
 use syncline_canopen::emcy::Emergency;
@@ -54,6 +55,13 @@ pub enum Fault {
         line: u32,
         /// Why.
         failure: ProbeFailure,
+    },
+    /// A thread could not be cut.
+    Thread {
+        /// Program line.
+        line: u32,
+        /// Why.
+        failure: ThreadFailure,
     },
     /// The probe touched something while the axes moved for something else.
     Touched,
@@ -535,6 +543,7 @@ impl Fault {
                 let failure = failure.describe(|axis| names.axis(axis).name.clone());
                 format!("line {line}: {failure}")
             }
+            Self::Thread { line, failure } => format!("line {line}: {}", failure.describe()),
             Self::Touched => {
                 "the probe touched something while nobody probed: move away, and look at \
                               probe, program and work"

@@ -1,6 +1,6 @@
 //! What the program feeds to the cycle, and what happens where the path rests for it.
 
-use super::{InputWait, Pause, PointToPoint, ProbeMove, Switch, UserCall};
+use super::{InputWait, Pause, PointToPoint, ProbeMove, Switch, ThreadMove, UserCall};
 use syncline_canopen::time::Duration;
 use syncline_trajectory::path::Command as PathCommand;
 
@@ -20,14 +20,16 @@ pub enum Instruction<const N: usize> {
     },
     /// What the next [`StopPoint::Probe`] asks for; it comes before the plan leads there.
     Probe(ProbeMove<N>),
+    /// What the next [`StopPoint::Thread`] asks for; it comes before the plan leads there.
+    Thread(ThreadMove<N>),
     /// What the next [`StopPoint::Home`] homes; it comes before the plan leads there.
     Home {
-        /// Counts homings and probings of a job, from 1.
+        /// Counts homings, probings and threads of a job, from 1.
         number: u32,
         /// By coordinate.
         axes: [bool; N],
     },
-    /// The plan behind the probing or homing with this number begins; what came before it is of no use any more.
+    /// The plan behind the probing, homing or thread with this number begins; what came before it is of no use any more.
     Found(u32),
     /// What is switched at the next waypoint of the plan; it comes before the plan leads there.
     Switch {
@@ -82,6 +84,11 @@ pub enum StopPoint {
         /// Program line.
         line: u32,
     },
+    /// The axes go along a line in step with the spindle, and the program goes on behind it.
+    Thread {
+        /// Program line.
+        line: u32,
+    },
     /// The program homes axes, and goes on from where they are then.
     Home {
         /// Program line.
@@ -108,6 +115,7 @@ impl StopPoint {
             | Self::UserCode { line, .. }
             | Self::ReadSignals { line, .. }
             | Self::Probe { line }
+            | Self::Thread { line }
             | Self::Home { line } => Some(line),
             Self::Pause { .. } | Self::End | Self::Rest | Self::Broken => None,
         }

@@ -96,6 +96,7 @@ impl<const N: usize> Controller<N> {
         self.calls.restart();
         self.probing.abort();
         self.signals_read = None;
+        self.threading.abort();
         self.pause_told = false;
         self.unplanned = 0;
         let mut events = event_sink(&mut self.events);
@@ -116,6 +117,9 @@ impl<const N: usize> Controller<N> {
         }
         if self.probing.is_active() || matches!(self.reached(), Some(StopPoint::Probe { .. })) {
             return Err(Refusal::Probing);
+        }
+        if self.threading.is_active() {
+            return Err(Refusal::Threading);
         }
         if self.has_goers() || matches!(self.reached(), Some(StopPoint::PointToPoint { .. })) {
             return Err(Refusal::NoWayBack);
@@ -215,9 +219,11 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// While it stops: the way to rest, and nothing beyond. A homing comes before the job, and a probing has no plan.
+    /// While it stops: the way to rest, and nothing beyond. A homing comes before the job; a probing and a thread have no
+    /// plan.
     fn takes_plan(&self) -> bool {
-        let elsewhere = self.homing.is_active() || self.probing.is_active();
+        let elsewhere =
+            self.homing.is_active() || self.probing.is_active() || self.threading.is_active();
         self.job.is_some() && !elsewhere && matches!(self.phase, Phase::Program | Phase::Stop)
     }
 
@@ -260,6 +266,10 @@ impl<const N: usize> Controller<N> {
             Instruction::Switch { line, switch } => self.switches.push(line, switch),
             Instruction::Probe(next) => {
                 self.probing.take(next);
+                true
+            }
+            Instruction::Thread(next) => {
+                self.threading.take(next);
                 true
             }
             Instruction::Home { number, axes } => {

@@ -5,7 +5,7 @@ use super::inputs::InputIndex;
 use crate::budget::{BusBudget, DoesNotFit, MachineBudget};
 use crate::machine::{
     self, AxisLimits, Homing, HomingPolicy, Kept, Machine, MachineState, Motion, NotKept,
-    ProbeCaptures, Probing, Seat,
+    ProbeCaptures, Probing, Seat, TURN,
 };
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, NodeId};
@@ -191,6 +191,14 @@ pub struct AxisFeedback {
 }
 
 impl Layout {
+    /// What the position of the spindle's drive tells at least, turns; 1 without one.
+    pub(super) fn spindle_resolution(&self) -> f64 {
+        let scaling = self
+            .spindle
+            .map(|spindle| &self.devices[spindle.drive].scaling);
+        scaling.map_or(1.0, |scaling| scaling.resolution().abs() / TURN)
+    }
+
     /// What a frame that another node sent does that only the controller may.
     pub(super) fn second_master(&self, frame: &Frame) -> Option<BusCause> {
         let node = self.node;

@@ -17,6 +17,7 @@
 //! - `homing`: how axes come to know where they are
 //! - `inputs`: the machine's inputs that mean something
 //! - `limit_switches`: those beyond which no axis is sent
+//! - `threading`: lines in step with the spindle
 //! - `probing`: towards what a probe touches, and where that was
 //! - `jogs`: how far, how fast and how long axes are jogged
 //! - `node`, `sdo_sequence`: a drive over its bus; what it is asked by SDO
@@ -56,6 +57,7 @@ pub mod state;
 mod supervision;
 #[cfg(test)]
 mod tests;
+mod threading;
 mod user_codes;
 
 pub use axis::AxisSample;
@@ -75,6 +77,7 @@ pub use reaction::{Cause, Clearing, Reaction};
 pub use setpoint_guard::Quantity;
 pub use spindle::SpindleSample;
 pub use state::{NotNow, Request, State};
+pub use threading::{ThreadFailure, ThreadMove};
 pub use user_codes::UserCall;
 
 use crate::bus::{Burst, Outbox, Received};
@@ -97,6 +100,7 @@ use syncline_canopen::response_time::{bit_time, worst_case_bits};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CobId, Frame, Instant, Transmit, nmt};
 use syncline_trajectory::path::{Executor, Leg, Setpoint, Shaping};
+use threading::Threading;
 use user_codes::UserCalls;
 
 /// Events that wait to be fetched at most; more are dropped, newest first.
@@ -259,6 +263,7 @@ pub struct Controller<const N: usize> {
     probing: Probing<N>,
     /// What the job's last reading of inputs and outputs found.
     signals_read: Option<SignalLevels>,
+    threading: Threading<N>,
     switches: Switches,
     spindle: SpindleWatch,
     inputs: Inputs,
@@ -340,6 +345,7 @@ impl<const N: usize> Controller<N> {
             positioning: None,
             probing: Probing::new(),
             signals_read: None,
+            threading: Threading::new(),
             switches: Switches::new(&layout),
             spindle: SpindleWatch::new(&layout),
             inputs: Inputs::new(&layout.inputs, layout.cycle),
@@ -623,11 +629,11 @@ impl<const N: usize> Controller<N> {
     /// be sent there; of none where one would be beyond its axis' limits.
     fn plan_axes(&mut self) -> Result<(), Fault> {
         if take(&mut self.left_out) {
-            self.plan();
+            self.plan(0.0);
             self.axes.iter_mut().for_each(AxisControl::leave_out);
         }
-        self.plan();
-        let mut outcome = Ok(());
+        self.plan(1.0);
+        let mut outcome = self.lost_step().map_or(Ok(()), Err);
         let mut move_on = true;
         let homing = self.homing.is_active();
         for axis in &mut self.axes {
@@ -645,11 +651,13 @@ impl<const N: usize> Controller<N> {
         outcome
     }
 
-    /// Goes on with the plan by one cycle.
-    fn plan(&mut self) {
+    /// Goes on with the plan by one cycle, to the setpoint of the SYNC that is so many cycles ahead.
+    fn plan(&mut self, ahead: f64) {
         if (Phase::Program..=Phase::Stop).contains(&self.phase) {
-            let planned = self.executor.advance();
-            self.planned = self.shaping.shape(planned, self.executor.waypoints());
+            self.planned = self.follow_spindle(ahead).unwrap_or_else(|| {
+                let planned = self.executor.advance();
+                self.shaping.shape(planned, self.executor.waypoints())
+            });
             self.place_beside();
             self.switch();
         }

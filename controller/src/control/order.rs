@@ -108,6 +108,9 @@ pub enum Refusal {
     /// It would lead away from a probing.
     #[error("not while the program probes: resume, or stop")]
     Probing,
+    /// It would take the axes out of step with the spindle.
+    #[error("not while a thread is cut, which ends by itself: wait for that, or stop")]
+    Threading,
     /// Axes go point to point, and the path waits for them.
     #[error("axes go point to point, which nothing takes back: feed hold and resume, or stop")]
     NoWayBack,
@@ -195,6 +198,9 @@ impl<const N: usize> Controller<N> {
             }
             Order::SingleBlock(on) => self.executor.set_single_block(on),
             Order::OptionalStop(on) => self.optional_stop = on,
+            Order::Retrace | Order::Jog(_) if self.threading.is_active() => {
+                return Err(Refusal::Threading);
+            }
             Order::Retrace if self.probing.is_active() => return Err(Refusal::Probing),
             Order::Retrace if matches!(self.reached(), Some(StopPoint::PointToPoint { .. })) => {
                 return Err(Refusal::NoWayBack);

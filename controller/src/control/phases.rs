@@ -223,6 +223,10 @@ impl<const N: usize> Controller<N> {
             Phase::Stop => {
                 self.abort_homing();
                 self.probing.abort();
+                if self.threading.is_active() {
+                    self.leave_thread();
+                }
+                self.threading.abort();
                 for axis in &mut self.axes {
                     axis.stop_squaring(self.cycle + 1);
                 }
@@ -233,6 +237,7 @@ impl<const N: usize> Controller<N> {
             Phase::QuickStop => {
                 self.cut_homing_off();
                 self.probing.abort();
+                self.threading.abort();
                 self.frozen = false;
                 self.quick_stop(|_, _| true);
             }
@@ -332,6 +337,12 @@ impl<const N: usize> Controller<N> {
         if self.probing.is_active() {
             return self.step_probing();
         }
+        if self.threading.is_active() {
+            if let Err(fault) = self.step_thread() {
+                self.fail(fault);
+            }
+            return;
+        }
         if self.job.is_none() {
             let rests = self.executor.is_at_rest() && self.shaping.is_settled();
             if self.executor.is_off_path() && rests {
@@ -407,6 +418,7 @@ impl<const N: usize> Controller<N> {
                 }
             }
             Some(StopPoint::Probe { line }) => self.begin_probing(line),
+            Some(StopPoint::Thread { line }) => self.begin_thread(line),
             Some(StopPoint::Home { line }) => self.begin_program_homing(line),
             // In a hold an operator may change them.
             Some(StopPoint::ReadSignals { .. }) if self.executor.is_held() => {}

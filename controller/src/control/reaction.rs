@@ -52,6 +52,8 @@ pub enum Cause {
     Program,
     /// A probing fails, or the probe touches something else.
     Probing,
+    /// A thread cannot be cut.
+    Thread,
     /// An axis is not referenced where it has to be, or cannot be homed.
     Unreferenced,
     /// No plan came for long.
@@ -104,12 +106,13 @@ pub struct Rule {
 }
 
 /// The table, in the order of [`Cause`].
-pub const RULES: [Rule; 24] = [
+pub const RULES: [Rule; 25] = [
     rule(Cause::FeedHold, Reaction::FeedHold, Clearing::GoOn),
     rule(Cause::Door, Reaction::FeedHold, Clearing::GoOn),
     rule(Cause::Stop, Reaction::StopOnPath, Clearing::Nobody),
     rule(Cause::Program, Reaction::StopOnPath, Clearing::Nobody),
     rule(Cause::Probing, Reaction::StopOnPath, Clearing::Nobody),
+    rule(Cause::Thread, Reaction::StopOnPath, Clearing::Reset),
     rule(Cause::Unreferenced, Reaction::StopOnPath, Clearing::Reset),
     rule(Cause::NoPlan, Reaction::StopOnPath, Clearing::Reset),
     rule(Cause::LateWakeUp, Reaction::StopOnPath, Clearing::Reset),
@@ -193,6 +196,7 @@ impl Fault {
             Self::Program => Cause::Program,
             Self::Unreferenced(_) | Self::Homing(..) => Cause::Unreferenced,
             Self::Probing { .. } | Self::Touched => Cause::Probing,
+            Self::Thread { .. } => Cause::Thread,
             Self::NotEnabled { .. } => Cause::EnableLost,
             Self::NoPlan => Cause::NoPlan,
         }
@@ -262,6 +266,7 @@ impl fmt::Display for Cause {
             Self::Stop => "stop, by an operator",
             Self::Program => "a block of the program cannot be run",
             Self::Probing => "a probing without contact, or with contact already; contact while nobody probes",
+            Self::Thread => "a thread for which the spindle is too fast, too uneven, or does not turn",
             Self::Unreferenced => "an axis not referenced that has to be, or that cannot be homed",
             Self::NoPlan => "the path waits for its plan for 30 s",
             Self::LateWakeUp => "late wake-up of a cycle that is to be strict",

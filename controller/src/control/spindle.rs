@@ -16,6 +16,7 @@ use std::collections::VecDeque;
 use syncline_canopen::time::Duration;
 use syncline_drives::model::PowerState;
 use syncline_gcode::{Spindle, Turning};
+use syncline_trajectory::synchronous::AngleObserver;
 
 /// No speed is held more closely than to this part of the greatest.
 const LEAST_WINDOW: f64 = 0.001;
@@ -54,6 +55,9 @@ pub(super) struct SpindleWatch {
     period: f64,
     /// Cycles in a row in which it has turned as it was told.
     at_speed: u32,
+    /// How it turns, as of the SYNC of this cycle.
+    angle: AngleObserver,
+    angle_cycle: u64,
 }
 
 impl SpindleWatch {
@@ -65,6 +69,23 @@ impl SpindleWatch {
             most,
             period: layout.cycle.as_secs_f64(),
             at_speed: 0,
+            angle: AngleObserver::new(layout.cycle.as_secs_f64(), layout.spindle_resolution()),
+            angle_cycle: 0,
+        }
+    }
+
+    /// How it turns, as of the SYNC of this cycle.
+    pub(super) fn angle(&self) -> &AngleObserver {
+        &self.angle
+    }
+
+    /// Comes to the SYNC of a cycle, at which it was there, if that is known.
+    fn observe(&mut self, cycle: u64, turns: Option<f64>) {
+        let cycles = cycle.saturating_sub(self.angle_cycle);
+        self.angle.advance(cycles as f64 * self.period);
+        self.angle_cycle = cycle;
+        if let Some(turns) = turns {
+            self.angle.measure(turns);
         }
     }
 
@@ -112,10 +133,15 @@ impl<const N: usize> Controller<N> {
             return;
         };
         let node = &self.nodes[drive];
+        let turns = (node.age() == 0).then(|| node.actual_mm() / TURN);
         if !self.sync_on || !node.is_sampled() {
             self.spindle.turns.clear();
-        } else if node.age() == 0 {
-            self.spindle.take(self.cycle, node.actual_mm() / TURN);
+            self.spindle.angle.reset();
+        } else {
+            self.spindle.observe(self.cycle, turns);
+            if let Some(turns) = turns {
+                self.spindle.take(self.cycle, turns);
+            }
         }
         self.spindle.at_speed = match self.turns_as_told() {
             true => self.spindle.at_speed.saturating_add(1),

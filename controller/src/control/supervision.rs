@@ -107,9 +107,9 @@ impl<const N: usize> Controller<N> {
             axes: samples,
             functions: self.switches.functions,
             spindle: self.sample_spindle(),
-            rests_for: match self.probing.line() {
+            rests_for: match self.probing.line().or(self.threading.line()) {
                 None => self.reached().and_then(|stop| stop.works_on()),
-                probing => probing,
+                line => line,
             },
         });
     }

@@ -688,7 +688,11 @@ impl AxisTable {
         let hardware_stops = table.choice_if(log, "unsupervised_stop", stops).is_some();
         let position_loss = table.integer_if(log, "position_loss_ms", 1..=1000, " (ms)");
         let motion = fits::motion(log, &mut table);
-        let simulation = simulation::read(log, &mut table, rotary, pair);
+        let simulation = simulation::read(
+            log,
+            &mut table,
+            simulation::Simulated::Axis { rotary, pair },
+        );
         if let (Some(pitch), true) = (&pitch, log.is_empty())
             && !(pitch.get_ref() / gear).is_normal()
         {

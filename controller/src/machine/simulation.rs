@@ -25,6 +25,8 @@ pub struct Simulation {
     pub axis: FeedAxis,
     /// What ties a gantry's two sides together.
     pub gantry: Option<Gantry>,
+    /// How unevenly a spindle turns; `None`: evenly.
+    pub ripple: Option<twin::Ripple>,
     /// `None`: what each drive's model has.
     pub encoder: Option<EncoderErrors>,
     /// Where the axis stands when it is switched on, mm; `None`: where its homing ends, or near zero.
@@ -276,13 +278,27 @@ impl FeedAxis {
     }
 }
 
-/// The key of an axis, which is linear or rotary and has two drives if `gantry`.
+/// What is simulated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Simulated {
+    /// An axis, which is linear or rotary, and has two drives if it is a pair.
+    Axis {
+        rotary: bool,
+        pair: bool,
+    },
+    Spindle,
+}
+
+/// The key of an axis or the spindle.
 pub(super) fn read(
     log: &mut Log<'_>,
     axis: &mut Table<'_, '_>,
-    rotary: bool,
-    gantry: bool,
+    what: Simulated,
 ) -> Option<Simulation> {
+    let (rotary, gantry) = match what {
+        Simulated::Axis { rotary, pair } => (rotary, pair),
+        Simulated::Spindle => (true, false),
+    };
     let mut table = axis.table_if(log, "simulation", ALLOWED)?;
     table.title = format!("{}: simulation", axis.title);
     let is_tied = table.span_of("mechanics").is_some();
@@ -319,8 +335,13 @@ pub(super) fn read(
         reference: range("reference_switch"),
         limits: range("limit_switches"),
     };
+    let ripple = match what {
+        Simulated::Spindle => ripple(log, &mut table),
+        Simulated::Axis { .. } => None,
+    };
     table.finish(log);
     Some(Simulation {
+        ripple,
         switches,
         start: start.map(Spanned::into_inner),
         skew,
@@ -532,6 +553,29 @@ fn load(log: &mut Log<'_>, table: &mut Table<'_, '_>, rotary: bool, axis: &mut F
     let found = table.points_if(log, "lead_error", &allowed, accept);
     let points = found.map_or(Vec::new(), |points| points.into_inner());
     axis.lead_error = points.into_iter().map(|(at, it)| (at, it * 1e-3)).collect();
+}
+
+/// How unevenly a spindle turns.
+fn ripple(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Option<twin::Ripple> {
+    let part = number_or(
+        log,
+        table,
+        "speed_ripple",
+        0.0,
+        0.0..=0.2,
+        "(a part of the speed)",
+    );
+    let periods = table.integer_or(
+        log,
+        "ripple_periods",
+        1,
+        1..=1000,
+        " (in a turn of the motor)",
+    );
+    (part > 0.0).then_some(twin::Ripple {
+        part,
+        periods: periods as u32,
+    })
 }
 
 /// What makes the encoder's reading wrong, if anything is said of it.

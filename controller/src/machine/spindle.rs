@@ -1,6 +1,7 @@
 //! `[spindle]`: the speeds that a program may ask for, how long they take to come, and the drive that turns it.
 
 use super::read::{DriveTable, TURN, unknown};
+use super::simulation::Simulated;
 use super::{InputMeaning, Machine, Simulation, simulation};
 use std::ops::Range;
 use std::time::Duration;
@@ -183,7 +184,7 @@ impl Turned {
         let tolerance = table.number_if(log, "tolerance", allowed, |part| {
             (0.001..=0.5).contains(&part)
         });
-        let simulation = simulation::read(log, table, true, false);
+        let simulation = simulation::read(log, table, Simulated::Spindle);
         Some(Self {
             ramp: table.span_of("ramp_ms").unwrap_or_else(|| drive.span()),
             most: most?,

@@ -270,6 +270,7 @@ fn turning(drive: &SpindleDrive, config: Config) -> Config {
     Config {
         position: start.map_or(0.0, |count| drive.scaling.to_revolutions(count)),
         axis: simulation.map(|it| it.axis.at_shaft(&drive.scaling, travel.abs(), true)),
+        ripple: simulation.and_then(|it| it.ripple),
         encoder: simulation.and_then(|it| it.encoder),
         ..config
     }

@@ -2,6 +2,7 @@
 
 use super::feed::{feed, path_speed};
 use super::moves::{MoveSource, ON_THE_PATH, ProgramMove, ProgramStop, Step, Upcoming};
+use super::threads::thread;
 use super::{Entered, Left, Program, ProgramError, Scale, UserCodes, place};
 use crate::control::event::describe_leg;
 use crate::control::functions::SWITCHES;
@@ -48,8 +49,10 @@ pub struct Feeder {
     planner: Planner<COORDINATES>,
     limits: Limits<COORDINATES>,
     bounds: [PositionLimits; COORDINATES],
-    /// Probings and homings so far.
+    /// Probings, homings and threads so far.
     searches: u32,
+    /// The machine is on a thread, or before it.
+    awaits_thread: bool,
     /// What tells the cycle of the next one, or that the plan goes on behind the last one.
     search: Option<Instruction<COORDINATES>>,
     /// Readings of inputs and outputs so far.
@@ -172,6 +175,7 @@ impl Program {
             limits: self.limits,
             bounds,
             searches: 0,
+            awaits_thread: false,
             search: None,
             readings: 0,
             signals: Arc::clone(&self.signals),
@@ -247,8 +251,8 @@ impl Program {
 }
 
 impl Feeder {
-    /// The next instruction; after [`StopPoint::End`] or [`StopPoint::Broken`] none, behind a probing or a homing, and
-    /// where inputs are read, none before it is known what came of it ([`Feeder::found`], [`Feeder::signals_read`]),
+    /// The next instruction; after [`StopPoint::End`] or [`StopPoint::Broken`] none, behind a probing, a homing or a thread,
+    /// and where inputs are read, none before it is known what came of it ([`Feeder::found`], [`Feeder::signals_read`]),
     /// and none for now where enough lies before the machine.
     ///
     /// # Errors
@@ -270,7 +274,7 @@ impl Feeder {
                 self.count(&command);
                 return Ok(Some(self.instruction(command)));
             }
-            if self.ended || self.interpreter.awaits_machine() || self.is_far_ahead() {
+            if self.ended || self.awaits_machine() || self.is_far_ahead() {
                 return Ok(None);
             }
             let taken = if let Some(opening) = self.opening.pop_front() {
@@ -389,6 +393,7 @@ impl Feeder {
             Action::Probe { to, feed, probe } => {
                 self.take_probe(to.0, *feed, *probe, command.span)?;
             }
+            Action::Thread { to, lead } => self.take_thread(to.0, *lead, command.span)?,
             Action::Home { axes, .. } => {
                 for (line, switch) in take(&mut self.with_motion) {
                     self.switch(line, switch);
@@ -472,13 +477,50 @@ impl Feeder {
         Ok(())
     }
 
-    /// Goes on behind a probing or a homing from where the machine rests, once it is known what came of it; a result
-    /// that was taken, or is of another one, changes nothing.
+    /// Comes to rest, and has the cycle cut a thread from there.
+    fn take_thread(
+        &mut self,
+        to: Position,
+        lead: f64,
+        span: gcode::Span,
+    ) -> Result<(), ProgramError> {
+        if take(&mut self.spins_up) {
+            self.await_spindle(span)?;
+        }
+        self.switch_with_motion();
+        let line = self.source.line(to).map_err(|source| ProgramError::Curve {
+            place: place(&self.interpreter, span),
+            source,
+        })?;
+        let spindle = self.interpreter.modes().spindle;
+        let next = thread(self.searches + 1, &line, lead, spindle, &self.limits);
+        let next = next.map_err(|source| ProgramError::Thread {
+            place: place(&self.interpreter, span),
+            source,
+        })?;
+        self.searches += 1;
+        self.awaits_thread = true;
+        self.search = Some(Instruction::Thread(next));
+        let line = span.line;
+        self.stop_then(StopPoint::Thread { line });
+        Ok(())
+    }
+
+    /// Whether nothing more is known before the machine has been there.
+    fn awaits_machine(&self) -> bool {
+        self.awaits_thread || self.interpreter.awaits_machine()
+    }
+
+    /// Goes on behind a probing, a homing or a thread from where the machine rests, once it is known what came of it; a
+    /// result that was taken, or is of another one, changes nothing.
     pub fn found(&mut self, found: &Found<COORDINATES>) {
-        if !self.interpreter.awaits_search() || found.number != self.searches {
+        let searches = self.awaits_thread || self.interpreter.awaits_search();
+        if !searches || found.number != self.searches {
             return;
         }
-        if self.interpreter.awaits_homing() {
+        if take(&mut self.awaits_thread) {
+            self.source.go_on_from(found.at);
+        } else if self.interpreter.awaits_homing() {
             self.source.homed(found.at);
             self.interpreter.homed(gcode::Point(found.at));
         } else {

@@ -16,6 +16,7 @@ mod interrupted;
 mod mistakes;
 mod moves;
 mod reading;
+mod threads;
 mod timetable;
 
 pub use feed::{counted_speed, moved};
@@ -24,6 +25,7 @@ pub use interrupted::Interrupted;
 pub use mistakes::{Mistake, Mistakes};
 pub use moves::{Moves, ProgramMove, Upcoming};
 pub use reading::Reading;
+pub use threads::NoThread;
 pub use timetable::Timetable;
 
 use crate::control::Signal;
@@ -38,6 +40,7 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 use syncline_gcode::{self as gcode, Action, AxisSet, Interpreter, Tables, TablesError};
 use syncline_trajectory::path::{CurveError, Limits, PathError, Retraction};
+use threads::thread;
 
 /// What all programs of a machine have in common: axes, limits, tables, and what the programs before
 /// have left.
@@ -253,6 +256,14 @@ pub enum ProgramError {
         /// The axis.
         axis: gcode::Axis,
     },
+    /// The axes cannot cut a thread.
+    #[error("{place}: no thread: {source}")]
+    Thread {
+        /// File, line and column.
+        place: String,
+        /// Why.
+        source: NoThread,
+    },
     /// A move cannot be planned.
     #[error("{place}: this move cannot be planned")]
     Plan {
@@ -323,6 +334,7 @@ impl Programs {
             signals(machine).map(|(name, _)| name),
             machine.values.iter().cloned(),
         ));
+        setup.has_spindle_angle = machine.spindle_drive().is_some();
         setup.has_probe = (machine.inputs.iter()).any(|it| it.meaning == InputMeaning::Probe);
         setup.tables = tables;
         Self {
@@ -582,6 +594,20 @@ impl Program {
                 place: place(&interpreter, command.span),
                 source,
             })?;
+            if let Action::Thread { to, lead } = command.action {
+                let line = source.line(to.0).map_err(|source| ProgramError::Curve {
+                    place: place(&interpreter, command.span),
+                    source,
+                })?;
+                let spindle = interpreter.modes().spindle;
+                let thread = thread(0, &line, lead, spindle, &self.limits);
+                thread.map_err(|source| ProgramError::Thread {
+                    place: place(&interpreter, command.span),
+                    source,
+                })?;
+                source.go_on_from(line.end());
+                extent.length += line.length();
+            }
             if let Some(part) = feed::reached(&curves, &command.action, &self.limits) {
                 extent.capped.add(command.span.line, part);
             }
@@ -640,6 +666,7 @@ impl Program {
                 | Action::Feed { .. }
                 | Action::Arc { .. }
                 | Action::Spline { .. }
+                | Action::Thread { .. }
                 | Action::Probe { .. }
                 | Action::ReadSignals => return Some((homed, None)),
                 _ => {}

@@ -90,7 +90,10 @@ pub(super) struct Mixed(pub(super) gcode::Axis);
 /// Where a command goes.
 fn destination(action: &Action) -> Option<Position> {
     match action {
-        Action::Rapid { to } | Action::Feed { to, .. } | Action::Probe { to, .. } => Some(to.0),
+        Action::Rapid { to }
+        | Action::Feed { to, .. }
+        | Action::Thread { to, .. }
+        | Action::Probe { to, .. } => Some(to.0),
         Action::Arc { arc, .. } => Some(arc.to.0),
         Action::Spline { spline, .. } => Some(spline.to.0),
         _ => None,
@@ -138,8 +141,8 @@ impl MoveSource {
         };
         let along = match action {
             Action::Rapid { .. } => false,
-            // A probe is looked for along a path only.
-            Action::Probe { .. } => true,
+            // A probe is looked for, and a thread cut, along a path only.
+            Action::Probe { .. } | Action::Thread { .. } => true,
             _ => self.on_path(to) != self.at,
         };
         if along {
@@ -154,7 +157,7 @@ impl MoveSource {
         Ok(Some(PointToPoint { targets, speed }))
     }
 
-    /// The line of a probing.
+    /// The line of a probing or a thread.
     pub(super) fn line(&self, to: Position) -> Result<Curve<COORDINATES>, CurveError> {
         Curve::line(self.at, self.on_path(to))
     }

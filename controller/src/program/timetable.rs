@@ -232,6 +232,7 @@ impl Walk {
             }
             Instruction::Switch { .. }
             | Instruction::Probe(_)
+            | Instruction::Thread(_)
             | Instruction::Home { .. }
             | Instruction::Found(_) => {}
         }

@@ -572,7 +572,9 @@ impl Desk {
                     control::Event::Fault(fault) => self.stopped_by(fault),
                     control::Event::JobOver { job, outcome } => self.ended(job, outcome),
                     control::Event::Paused { line, .. } => self.job.pauses(line),
-                    control::Event::Probed { line, .. } | control::Event::ProgramHomed { line } => {
+                    control::Event::Probed { line, .. }
+                    | control::Event::Threaded { line, .. }
+                    | control::Event::ProgramHomed { line } => {
                         self.job.found(line);
                     }
                     control::Event::UserCode { number, .. } if self.passes_user_codes => {

@@ -6,9 +6,11 @@ use syncline_controller::machine::Machine;
 use syncline_gcode::{Action, AxisSet, Interpreter, Setup, Tables};
 
 fn setup(machine: &Path) -> Setup {
-    let axes = Machine::load(machine).unwrap().axes;
+    let loaded = Machine::load(machine).unwrap();
+    let axes = &loaded.axes;
     let mut setup = Setup::new(axes.iter().map(|axis| axis.letter).collect::<AxisSet>());
-    for axis in &axes {
+    setup.has_spindle_angle = loaded.spindle_drive().is_some();
+    for axis in axes {
         setup.limits[axis.letter.index()] = Some(axis.limits.position);
     }
     setup.tables = Tables::load(&Tables::beside(machine)).unwrap();

@@ -5,10 +5,13 @@ use syncline_canopen::emcy::Emergency;
 use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::{Address, NodeId, nmt};
 use syncline_controller::control::fault::{AwaitedState, AxisCause, BusCause, DeviceCause};
-use syncline_controller::control::{Fault, HomingFailure, Layout, ProbeFailure, Quantity};
+use syncline_controller::control::{
+    Fault, HomingFailure, Layout, ProbeFailure, Quantity, ThreadFailure,
+};
 use syncline_controller::machine::Machine;
 use syncline_drives::model::{Data, NotFollowing, StatusWord};
 use syncline_trajectory::path::JogError;
+use syncline_trajectory::synchronous::LostStep;
 
 const OBJECT: Address = Address::new(0x60C2, 1);
 const SWITCHED_ON: StatusWord = StatusWord {
@@ -307,6 +310,17 @@ texts! {
 
     Fault::Probing { failure: ProbeFailure::Refused(_), .. }, Fault::Probing { line: 7, failure: ProbeFailure::Refused(JogError::NoSpeed) },
     "line 7: the speed or the rapid override is 0: raise it, or correct where the probing leads";
+
+    Fault::Thread { failure: ThreadFailure::NotTurning, .. }, Fault::Thread { line: 7, failure: ThreadFailure::NotTurning },
+    "line 7: the spindle does not turn as it is told to, or not evenly: look at its drive, and for what holds it back";
+
+    Fault::Thread { failure: ThreadFailure::LostStep(LostStep::TooFast { .. }), .. },
+    Fault::Thread { line: 7, failure: ThreadFailure::LostStep(LostStep::TooFast { wanted: 26.0, allowed: 25.0 }) },
+    "line 7: the spindle is too fast for the axes: it asks for 26.00 mm/s along the thread, they go 25.00 mm/s at most: lower S";
+
+    Fault::Thread { failure: ThreadFailure::LostStep(LostStep::Behind { .. }), .. },
+    Fault::Thread { line: 7, failure: ThreadFailure::LostStep(LostStep::Behind { distance: 0.125 }) },
+    "line 7: the axes cannot follow the spindle, they are 0.125 mm away from where it wants them: look for what makes its speed change, or lower S";
 
     Fault::Touched, Fault::Touched,
     "the probe touched something while nobody probed: move away, and look at probe, program and work";

@@ -56,8 +56,20 @@ pub struct Observation {
     pub position: f64,
     /// Velocity of the shaft, rev/s.
     pub velocity: f64,
+    /// When these were; of a device with a shaft.
+    pub at: Option<Instant>,
     /// Torque of the motor, N·m.
     pub torque: f64,
+}
+
+/// How unevenly a drive turns a spindle: the reference of its speed is off by a part of it, as a sine of the shaft's
+/// angle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ripple {
+    /// Amplitude, as a part of the speed.
+    pub part: f64,
+    /// Periods in a revolution of the shaft.
+    pub periods: u32,
 }
 
 /// Something that happens to a device from outside. Each lasts until its opposite comes.
@@ -159,6 +171,8 @@ pub struct Config {
     pub prompt: bool,
     /// What its motor moves, and the motor; `None`: the model's own.
     pub axis: Option<Axis>,
+    /// How unevenly it turns in Profile Velocity; `None`: evenly.
+    pub ripple: Option<Ripple>,
     /// What makes its encoder's reading wrong; `None`: the model's own.
     pub encoder: Option<EncoderErrors>,
     /// The switches along its axis, of a device that has digital inputs.
@@ -187,6 +201,7 @@ impl Config {
             tolerant: false,
             prompt: false,
             axis: None,
+            ripple: None,
             encoder: None,
             sensors: Vec::new(),
             reference_switch: None,

@@ -35,7 +35,7 @@ pub mod tsp10;
 pub mod twk_crn;
 
 pub use device::{
-    Axis, Config, Disturbance, ErrorClass, Kind, Observation, Sensor, SimulatedDevice,
+    Axis, Config, Disturbance, ErrorClass, Kind, Observation, Ripple, Sensor, SimulatedDevice,
 };
 
 /// Every twin.

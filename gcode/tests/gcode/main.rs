@@ -18,5 +18,6 @@ mod resume;
 mod saved;
 mod splines;
 mod sweep;
+mod threads;
 mod turned;
 mod words;

@@ -57,6 +57,7 @@ mod stepper;
 mod stops;
 mod sweep;
 mod switched;
+mod threads;
 mod told_numbers;
 mod trajectory;
 mod user_codes;

@@ -99,6 +99,7 @@ fn row(fault: &Fault) -> (Subject, Row) {
         Fault::NoPlan => (Subject::Machine, ("no plan", OnPath)),
         Fault::Program => (Subject::Machine, ("program", OnPath)),
         Fault::Unreferenced(_) | Fault::Homing(..) => (Subject::Machine, ("unreferenced", OnPath)),
+        Fault::Thread { .. } => (Subject::Machine, ("thread", OnPath)),
         Fault::Probing { .. } | Fault::Touched => (Subject::Machine, ("probing", OnPath)),
     }
 }

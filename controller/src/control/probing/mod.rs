@@ -45,7 +45,7 @@ const REACTION: f64 = 3.0;
 /// A probing, as the program has it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProbeMove<const N: usize> {
-    /// Counts probings and homings of a job, from 1.
+    /// Counts probings, homings and threads of a job, from 1.
     pub number: u32,
     /// Where it ends at the latest, mm.
     pub to: [f64; N],
@@ -55,10 +55,10 @@ pub struct ProbeMove<const N: usize> {
     pub probe: Probe,
 }
 
-/// What came of a probing, or of a homing that a program asked for.
+/// What came of a probing, of a homing that a program asked for, or of a thread.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Found<const N: usize> {
-    /// That of its [`ProbeMove`], or of the homing.
+    /// That of its [`ProbeMove`], of the homing, or of the thread.
     pub number: u32,
     /// Of a probing: where the contact came or went, mm; `None`: it did not.
     pub contact: Option<[f64; N]>,
@@ -360,15 +360,20 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// Has it rest on its way, or on the path.
+    /// Has it rest on its way, or on the path; a thread is cut before.
     pub(super) fn hold_path(&mut self) {
+        if self.threading.is_active() {
+            return self.threading.pause(true);
+        }
         self.probing.paused |= self.probing.is_active();
         self.executor.feed_hold();
     }
 
     /// Ends that.
     pub(super) fn resume_path(&mut self) {
-        if !self.probing.is_active() {
+        if self.threading.is_active() {
+            self.threading.pause(false);
+        } else if !self.probing.is_active() {
             self.executor.resume();
         } else if std::mem::take(&mut self.probing.paused) {
             if std::mem::take(&mut self.held) {
@@ -381,6 +386,7 @@ impl<const N: usize> Controller<N> {
     /// Whether an operator, or nobody but the override, holds the path.
     pub(super) fn is_path_held(&self) -> bool {
         match self.probing.is_active() {
+            _ if self.threading.is_active() => self.threading.is_paused(),
             true => self.probing.paused,
             false => self.executor.is_held(),
         }
@@ -411,7 +417,7 @@ impl<const N: usize> Controller<N> {
     }
 
     /// The program goes on from where the axes rest, behind its search with that number; held if it `rests`.
-    fn replan_behind(&mut self, number: u32, contact: Option<[f64; N]>, rests: bool) {
+    pub(super) fn replan_behind(&mut self, number: u32, contact: Option<[f64; N]>, rests: bool) {
         let rests = rests || self.executor.is_single_block();
         self.probing.abort();
         self.probing.found = Some(Found {

@@ -7,7 +7,7 @@ use super::{
     CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_VELOCITY, INTERPOLATED_POSITION,
     PROFILE_VELOCITY, TwinConfig,
 };
-use crate::twin::device::{Disturbance, ErrorClass};
+use crate::twin::device::{Disturbance, ErrorClass, Ripple};
 use crate::twin::node::Firmware;
 use crate::twin::servo::cascade::{POSITION_STEP, Reference};
 use crate::twin::servo::clock::Clock;
@@ -17,6 +17,7 @@ use crate::twin::servo::lasting::Lasting;
 use crate::twin::servo::loops::Loops;
 use crate::twin::servo::ramp::{Limits, Ramp};
 use crate::twin::servo::shaft::Shaft;
+use core::f64::consts::TAU;
 use syncline_canopen::cia402::{Controlword, State, Statusword};
 use syncline_canopen::dictionary::Dictionary;
 use syncline_canopen::time::Duration;
@@ -81,6 +82,7 @@ pub struct Drive {
     pub(super) mode: i64,
     /// Increments/s of a unit of velocity.
     velocity_unit: f64,
+    ripple: Option<Ripple>,
     pub(super) policies: Policies,
     pub(super) warning: bool,
     pub(super) servo: Servo<DriveError>,
@@ -115,6 +117,7 @@ impl Drive {
             velocity_unit: config.velocity_unit.map_or(1.0, |[units, rpm]| {
                 f64::from(rpm) / 60.0 * counts / f64::from(units)
             }),
+            ripple: config.ripple,
             objects,
             servo: Servo::new(
                 loops,
@@ -184,6 +187,16 @@ impl Drive {
                     .towards_velocity(target, &limits, POSITION_STEP);
             }
         }
+    }
+
+    /// What its reference is multiplied by where the shaft is.
+    fn unevenness(&self) -> f64 {
+        let Some(Ripple { part, periods }) = self.ripple.filter(|_| self.motion == Motion::Profile)
+        else {
+            return 1.0;
+        };
+        let turns = self.servo.loops.shaft.position();
+        1.0 + part * libm::sin(TAU * f64::from(periods) * (turns - turns.floor()))
     }
 
     /// 60FFh, increments/s.
@@ -396,7 +409,8 @@ impl ServoFirmware for Drive {
         }
         if self.is_sent_velocities() {
             let counts = self.servo.loops.increments_per_revolution;
-            return Reference::Velocity(self.reference.velocity / counts);
+            let velocity = self.reference.velocity / counts;
+            return Reference::Velocity(velocity * self.unevenness());
         }
         Reference::Position {
             position: self.reference.position,

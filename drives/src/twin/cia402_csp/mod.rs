@@ -33,7 +33,7 @@ mod state;
 pub use fault::DriveError;
 pub use policy::Policies;
 
-use super::device::{Config, Kind};
+use super::device::{Config, Kind, Ripple};
 use super::node::{Delays, Device};
 use super::random::Random;
 use super::servo::cascade::Gains;
@@ -115,6 +115,8 @@ pub struct TwinConfig {
     pub velocity_unit: Option<[u32; 2]>,
     /// Encoder increments per motor revolution: 608Fh:1.
     pub encoder_increments: u32,
+    /// How unevenly it turns in Profile Velocity.
+    pub ripple: Option<Ripple>,
     /// What makes the encoder's reading wrong.
     pub encoder: EncoderErrors,
     /// The axis behind the motor.
@@ -147,6 +149,7 @@ impl TwinConfig {
             mode: CYCLIC_SYNCHRONOUS_POSITION as u32,
             velocity_unit: None,
             encoder_increments: 1_048_576,
+            ripple: None,
             encoder: EncoderErrors {
                 noise: 2.0,
                 ..EncoderErrors::default()
@@ -178,6 +181,7 @@ impl TwinConfig {
             mechanics,
             torque_source,
             gains,
+            ripple: config.ripple,
             encoder: config.encoder.unwrap_or(own.encoder),
             seed: config.seed,
             position: config.position,

@@ -235,6 +235,7 @@ impl<F: Firmware + Send + 'static> SimulatedDevice for Device<F> {
             is_powered: self.firmware.is_powered(),
             position: self.firmware.shaft().map_or(0.0, Shaft::position),
             velocity: self.firmware.shaft().map_or(0.0, Shaft::velocity),
+            at: self.firmware.shaft().map(Shaft::at),
             torque: self.firmware.torque(),
         }
     }

@@ -44,6 +44,8 @@ impl From<DriveTrain> for Plant {
 pub struct Shaft {
     plant: Plant,
     motion: Motion,
+    /// When that was.
+    at: Instant,
     blocked: bool,
     powerless: bool,
     /// Somebody else moves it.
@@ -75,6 +77,7 @@ impl Shaft {
                 position,
                 ..Motion::default()
             },
+            at: Instant::ZERO,
             blocked: false,
             powerless: false,
             coupled: None,
@@ -91,6 +94,12 @@ impl Shaft {
     #[must_use]
     pub fn velocity(&self) -> f64 {
         self.motion.velocity
+    }
+
+    /// When its last step ended.
+    #[must_use]
+    pub fn at(&self) -> Instant {
+        self.at
     }
 
     /// What it moves while nothing couples it.
@@ -137,6 +146,7 @@ impl Shaft {
     /// or closed.
     pub fn step(&mut self, end: Instant, dt: f64, torque: f64, brake_open: bool) {
         let torque = if self.powerless { 0.0 } else { torque };
+        self.at = end;
         match &mut self.coupled {
             None => {
                 let load = Load {
