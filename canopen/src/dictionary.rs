@@ -405,12 +405,33 @@ pub struct Dictionary {
     node: NodeId,
     refusals: Refusals,
     keys: Vec<u32>,
-    /// Of a number its value, of a string its place in `strings`.
+    /// By row, 0 of a string: loops of simulated drives read numbers all the time.
     values: Vec<i64>,
-    strings: Vec<Vec<u8>>,
     /// What was stored last; power-on values of the rows that were never stored.
     stored: Vec<i64>,
-    stored_strings: Vec<Vec<u8>>,
+    /// In the order of their rows.
+    texts: Vec<Text>,
+}
+
+/// A string of a table.
+#[derive(Debug)]
+struct Text {
+    row: Row,
+    bytes: Vec<u8>,
+    /// What was stored last.
+    stored: Vec<u8>,
+}
+
+impl Text {
+    /// As it is after the first power-on; it never allocates after that.
+    fn new(row: Row, entry: &Entry) -> Self {
+        let [bytes, stored] = [(); 2].map(|()| {
+            let mut bytes = Vec::with_capacity(entry.data_type.size());
+            bytes.extend_from_slice(preset_bytes(entry));
+            bytes
+        });
+        Self { row, bytes, stored }
+    }
 }
 
 impl Dictionary {
@@ -423,19 +444,13 @@ impl Dictionary {
         let keys: Vec<u32> = entries.iter().map(|entry| entry.address.key()).collect();
         assert!(keys.is_sorted_by(|a, b| a < b), "rows in ascending order");
         assert!(entries.len() <= 1 << 16);
-        let mut values = Vec::with_capacity(entries.len());
-        let mut strings = Vec::new();
-        let mut stored_strings = Vec::new();
-        for entry in entries {
+        let mut values = vec![0; entries.len()];
+        let mut texts = Vec::new();
+        for (place, entry) in entries.iter().enumerate() {
             if entry.data_type.is_number() {
-                values.push(preset_number(entry, node));
+                values[place] = preset_number(entry, node);
             } else {
-                values.push(strings.len() as i64);
-                for to in [&mut strings, &mut stored_strings] {
-                    let mut string = Vec::with_capacity(entry.data_type.size());
-                    string.extend_from_slice(preset_bytes(entry));
-                    to.push(string);
-                }
+                texts.push(Text::new(Row(place as u16), entry));
             }
         }
         Self {
@@ -445,8 +460,7 @@ impl Dictionary {
             keys,
             stored: values.clone(),
             values,
-            strings,
-            stored_strings,
+            texts,
         }
     }
 
@@ -510,11 +524,7 @@ impl Dictionary {
     /// A number's value; 0 for a string.
     #[must_use]
     pub fn get(&self, row: Row) -> i64 {
-        if self.entry(row).data_type.is_number() {
-            self.values[usize::from(row.0)]
-        } else {
-            0
-        }
+        self.values[usize::from(row.0)]
     }
 
     /// Sets a number without any check but its width; does nothing to a string.
@@ -529,20 +539,21 @@ impl Dictionary {
     /// A string's bytes; empty for a number.
     #[must_use]
     pub fn bytes(&self, row: Row) -> &[u8] {
-        if self.entry(row).data_type.is_number() {
-            &[]
-        } else {
-            &self.strings[self.values[usize::from(row.0)] as usize]
-        }
+        let place = self.text_place(row);
+        place.map_or(&[], |place| &self.texts[place].bytes)
+    }
+
+    fn text_place(&self, row: Row) -> Option<usize> {
+        self.texts.binary_search_by_key(&row, |text| text.row).ok()
     }
 
     /// Sets a string, cut to its greatest length; does nothing to a number.
     pub fn set_bytes(&mut self, row: Row, bytes: &[u8]) {
-        let data_type = self.entry(row).data_type;
-        if !data_type.is_number() {
-            let string = &mut self.strings[self.values[usize::from(row.0)] as usize];
-            string.clear();
-            string.extend_from_slice(&bytes[..bytes.len().min(data_type.size())]);
+        if let Some(place) = self.text_place(row) {
+            let most = self.entry(row).data_type.size();
+            let text = &mut self.texts[place].bytes;
+            text.clear();
+            text.extend_from_slice(&bytes[..bytes.len().min(most)]);
         }
     }
 
@@ -674,16 +685,15 @@ impl Dictionary {
 
     /// Keeps the present values of those persistent rows that `which` picks, for the next power-on.
     pub fn store(&mut self, which: impl Fn(&Entry) -> bool) {
+        let kept = |entry: &Entry| entry.persistent && which(entry);
         for (row, entry) in self.entries.iter().enumerate() {
-            if entry.persistent && which(entry) {
-                if entry.data_type.is_number() {
-                    self.stored[row] = self.values[row];
-                } else {
-                    let place = self.values[row] as usize;
-                    let (from, to) = (&self.strings[place], &mut self.stored_strings[place]);
-                    to.clear();
-                    to.extend_from_slice(from);
-                }
+            if kept(entry) {
+                self.stored[row] = self.values[row];
+            }
+        }
+        for text in &mut self.texts {
+            if kept(&self.entries[usize::from(text.row.0)]) {
+                text.stored.clone_from(&text.bytes);
             }
         }
     }
@@ -691,14 +701,15 @@ impl Dictionary {
     /// Forgets what was stored of the rows that `which` picks: defaults from the next power-on.
     pub fn forget(&mut self, which: impl Fn(&Entry) -> bool) {
         for (row, entry) in self.entries.iter().enumerate() {
+            if entry.data_type.is_number() && which(entry) {
+                self.stored[row] = preset_number(entry, self.node);
+            }
+        }
+        for text in &mut self.texts {
+            let entry = &self.entries[usize::from(text.row.0)];
             if which(entry) {
-                if entry.data_type.is_number() {
-                    self.stored[row] = preset_number(entry, self.node);
-                } else {
-                    let to = &mut self.stored_strings[self.values[row] as usize];
-                    to.clear();
-                    to.extend_from_slice(preset_bytes(entry));
-                }
+                text.stored.clear();
+                text.stored.extend_from_slice(preset_bytes(entry));
             }
         }
     }
@@ -707,14 +718,12 @@ impl Dictionary {
     pub fn restore(&mut self, which: impl Fn(&Entry) -> bool) {
         for (row, entry) in self.entries.iter().enumerate() {
             if which(entry) {
-                if entry.data_type.is_number() {
-                    self.values[row] = self.stored[row];
-                } else {
-                    let place = self.values[row] as usize;
-                    let (from, to) = (&self.stored_strings[place], &mut self.strings[place]);
-                    to.clear();
-                    to.extend_from_slice(from);
-                }
+                self.values[row] = self.stored[row];
+            }
+        }
+        for text in &mut self.texts {
+            if which(&self.entries[usize::from(text.row.0)]) {
+                text.bytes.clone_from(&text.stored);
             }
         }
     }

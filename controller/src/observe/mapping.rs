@@ -17,6 +17,10 @@ const PARAMETERS: [(u16, u16); 2] = [(0x1400, 0x1600), (0x1800, 0x1A00)];
 const MOST_PDOS: u16 = 0x200;
 /// Set in a COB-ID: the PDO does not exist.
 const INVALID: u32 = 1 << 31;
+/// Identifiers of CiA 301, the latter two with a node's id on top.
+const NMT: u16 = 0;
+const SDO_ANSWER: u16 = 0x580;
+const SDO_REQUEST: u16 = 0x600;
 /// Of a COB-ID, the identifier.
 const IDENTIFIER: u32 = 0x7FF;
 
@@ -24,7 +28,12 @@ const IDENTIFIER: u32 = 0x7FF;
 #[derive(Debug)]
 pub(crate) struct PdoMappings {
     nodes: Vec<Node>,
+    /// By identifier, the PDOs that come under it, node by node.
+    carried: Vec<Vec<Place>>,
 }
+
+/// Which PDO: the node's place, its direction as in [`PARAMETERS`], and its number from 0.
+type Place = (usize, usize, u16);
 
 /// What a frame said of a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,8 +88,25 @@ impl PdoMappings {
             node.reset();
             node
         };
-        Self {
+        let mut mappings = Self {
             nodes: nodes.into_iter().map(node).collect(),
+            carried: vec![Vec::new(); IDENTIFIER as usize + 1],
+        };
+        mappings.order_by_identifier();
+        mappings
+    }
+
+    /// Most frames are PDOs, and no node has to be searched for those of theirs.
+    fn order_by_identifier(&mut self) {
+        self.carried.iter_mut().for_each(Vec::clear);
+        for (place, node) in self.nodes.iter().enumerate() {
+            for (direction, pdos) in node.pdos.iter().enumerate() {
+                for (&number, pdo) in pdos {
+                    if let Some(identifier) = pdo.identifier {
+                        self.carried[identifier as usize].push((place, direction, number));
+                    }
+                }
+            }
         }
     }
 
@@ -89,18 +115,29 @@ impl PdoMappings {
         let CanId::Standard(id) = frame.id() else {
             return;
         };
-        for (place, node) in self.nodes.iter_mut().enumerate() {
-            match id.checked_sub(node.id) {
-                _ if id == 0 => {
-                    if node.is_reset(frame.data()) {
-                        node.reset();
-                        tell(place, Heard::Reset);
+        if id == NMT || id >= SDO_ANSWER {
+            let mut changes = false;
+            for (place, node) in self.nodes.iter_mut().enumerate() {
+                match id.checked_sub(node.id) {
+                    _ if id == NMT => {
+                        if node.is_reset(frame.data()) {
+                            node.reset();
+                            changes = true;
+                            tell(place, Heard::Reset);
+                        }
                     }
+                    Some(SDO_REQUEST) => node.request(frame.data()),
+                    Some(SDO_ANSWER) => changes |= node.answer(frame.data()),
+                    _ => {}
                 }
-                Some(0x600) => node.request(frame.data()),
-                Some(0x580) => node.answer(frame.data()),
-                _ => node.pdo(id, frame.data(), &mut |heard| tell(place, heard)),
             }
+            if changes {
+                self.order_by_identifier();
+            }
+        }
+        for &(place, direction, number) in &self.carried[usize::from(id)] {
+            let pdo = &self.nodes[place].pdos[direction][&number];
+            pdo.values(frame.data(), &mut |heard| tell(place, heard));
         }
     }
 }
@@ -135,15 +172,17 @@ impl Node {
         });
     }
 
-    /// An SDO answer: what it confirms holds.
-    fn answer(&mut self, data: &[u8]) {
+    /// An SDO answer: what it confirms holds. Whether it confirms anything.
+    fn answer(&mut self, data: &[u8]) -> bool {
         if let Some(Download { address, value }) = self.asked
             && let [0x60, a, b, c, ..] = *data
             && [a, b, c] == address
         {
             self.asked = None;
             self.written(u16::from_le_bytes([a, b]), c, value);
+            return true;
         }
+        false
     }
 
     fn written(&mut self, index: u16, sub: u8, value: u32) {
@@ -164,21 +203,20 @@ impl Node {
             }
         }
     }
+}
 
-    /// A frame that may be one of its PDOs.
-    fn pdo(&self, id: u16, data: &[u8], tell: &mut impl FnMut(Heard)) {
-        let own = |pdo: &&Pdo| pdo.identifier == Some(id.into());
-        for Pdo { count, objects, .. } in self.pdos.iter().flat_map(BTreeMap::values).filter(own) {
-            let mut byte = 0;
-            for &object in &objects[..*count] {
-                let end = byte + (object & 0xFF).div_ceil(8) as usize;
-                if let Some(bytes) = data.get(byte..end).filter(|bytes| bytes.len() <= 4) {
-                    let value = bytes.iter().rev();
-                    let value = value.fold(0, |value, byte| value << 8 | u32::from(*byte));
-                    tell(Heard::Object { object, value });
-                }
-                byte = end;
+impl Pdo {
+    /// What a frame of it carries.
+    fn values(&self, data: &[u8], tell: &mut impl FnMut(Heard)) {
+        let mut byte = 0;
+        for &object in &self.objects[..self.count] {
+            let end = byte + (object & 0xFF).div_ceil(8) as usize;
+            if let Some(bytes) = data.get(byte..end).filter(|bytes| bytes.len() <= 4) {
+                let value = bytes.iter().rev();
+                let value = value.fold(0, |value, byte| value << 8 | u32::from(*byte));
+                tell(Heard::Object { object, value });
             }
+            byte = end;
         }
     }
 }
