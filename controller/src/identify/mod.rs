@@ -4,10 +4,12 @@
 //! - [`log`]: what was seen of it
 //! - [`estimate`](mod@estimate): what that says; it gets the log and what is public of the axis ([`estimate::Shaft`]), and
 //!   nothing of what a simulation has behind it
-//! - `windows`: how the equation of motion is solved without differentiating
+//! - `windows`: what is seen of the equation of motion, without differentiating
+//! - `fit`: how that is solved
 
 pub mod estimate;
 pub mod excitation;
+mod fit;
 pub mod log;
 mod windows;
 
@@ -30,6 +32,8 @@ pub struct Subject {
     travel: f64,
     /// What the machine file says of its motor.
     motor: Option<Known>,
+    /// The unit in which it says how stiff the transmission is, N/m or N·m/rad, if it names one.
+    stiffness: Option<f64>,
 }
 
 /// What is known of a motor.
@@ -121,6 +125,7 @@ impl Subject {
                 radians: TAU / axis.mm_per_revolution,
                 resolution: drive.scaling.resolution(),
                 rated_torque: rated_torque.or(rated).ok_or(Unfit::RatedTorque(name))?,
+                motor_viscous_friction: moved.map(|moved| moved.motor().viscous_friction),
             },
             travel: unit * axis.mm_per_revolution / TAU,
             motor: moved.map(|moved| Known {
@@ -128,7 +133,78 @@ impl Subject {
                 friction: moved.motor().friction,
                 viscous_friction: moved.motor().viscous_friction,
             }),
+            stiffness: moved
+                .and_then(|moved| moved.stiffness(axis.letter.is_linear()))
+                .map(|it| it.unit),
         })
+    }
+
+    /// What a simulated axis has behind a motor that is known.
+    fn keys(&self, estimate: &Estimate, motor: &Known) -> Vec<Key> {
+        let travel = self.travel;
+        let behind = |figure: Figure, own: f64, scale: f64| Figure {
+            value: (figure.value - own) / scale,
+            uncertainty: figure.uncertainty / scale,
+        };
+        let mut keys = Vec::new();
+        let mut add = |key, figure: Figure| keys.push(Key { key, figure });
+        let load = behind(estimate.inertia, motor.inertia, travel * travel);
+        if load.value > 0.0 {
+            add("load", load);
+        }
+        // A motor that has less friction than its kind has none left for the guide.
+        for (found, own, scale, [at_load, at_motor]) in [
+            (
+                estimate.friction,
+                motor.friction,
+                travel,
+                ["friction", "motor_friction"],
+            ),
+            (
+                estimate.viscous_friction,
+                motor.viscous_friction,
+                travel * travel,
+                ["viscous_friction", "motor_viscous_friction"],
+            ),
+        ] {
+            let rest = behind(found, own, scale);
+            if rest.value >= 0.0 {
+                add(at_load, rest);
+            } else {
+                let value = found.value.max(0.0);
+                add(at_motor, Figure { value, ..found });
+                add(at_load, Figure { value: 0.0, ..rest });
+            }
+        }
+        let Figure { value, uncertainty } = behind(estimate.holding_torque, 0.0, travel);
+        add(
+            "gravity",
+            Figure {
+                value: -value,
+                uncertainty,
+            },
+        );
+        // A file that names no transmission has a stiff one.
+        if let (Some(unit), Some(swing)) = (self.stiffness, &estimate.swing) {
+            let Figure { value: hertz, .. } = swing.antiresonance;
+            let stiffness =
+                (estimate.inertia.value - motor.inertia) * (TAU * hertz / travel).powi(2) / unit;
+            let part = (2.0 * swing.antiresonance.part()).hypot(estimate.inertia.part());
+            let stiffness = Figure {
+                value: stiffness,
+                uncertainty: part * stiffness,
+            };
+            keys.push(Key {
+                key: "stiffness",
+                figure: stiffness,
+            });
+            let damping = swing.damping.filter(|it| it.value <= 1.0);
+            keys.extend(damping.map(|figure| Key {
+                key: "damping",
+                figure,
+            }));
+        }
+        keys
     }
 }
 
@@ -167,7 +243,7 @@ impl Identified {
             rated_torque: subject.shaft.rated_torque,
             simulation: subject
                 .motor
-                .map_or_else(Vec::new, |motor| keys(&estimate, &motor, subject.travel)),
+                .map_or_else(Vec::new, |motor| subject.keys(&estimate, &motor)),
             estimate,
             rotary: !axis.letter.is_linear(),
         }
@@ -180,53 +256,6 @@ impl Identified {
             format!("axis.{}.simulation.{key}={}", self.axis, rounded(figure))
         })
     }
-}
-
-/// What a simulated axis has behind a motor that is known.
-fn keys(estimate: &Estimate, motor: &Known, travel: f64) -> Vec<Key> {
-    let behind = |figure: Figure, own: f64, scale: f64| Figure {
-        value: (figure.value - own) / scale,
-        uncertainty: figure.uncertainty / scale,
-    };
-    let mut keys = Vec::new();
-    let mut add = |key, figure: Figure| keys.push(Key { key, figure });
-    let load = behind(estimate.inertia, motor.inertia, travel * travel);
-    if load.value > 0.0 {
-        add("load", load);
-    }
-    // A motor that has less friction than its kind has none left for the guide.
-    for (found, own, scale, [at_load, at_motor]) in [
-        (
-            estimate.friction,
-            motor.friction,
-            travel,
-            ["friction", "motor_friction"],
-        ),
-        (
-            estimate.viscous_friction,
-            motor.viscous_friction,
-            travel * travel,
-            ["viscous_friction", "motor_viscous_friction"],
-        ),
-    ] {
-        let rest = behind(found, own, scale);
-        if rest.value >= 0.0 {
-            add(at_load, rest);
-        } else {
-            let value = found.value.max(0.0);
-            add(at_motor, Figure { value, ..found });
-            add(at_load, Figure { value: 0.0, ..rest });
-        }
-    }
-    let Figure { value, uncertainty } = behind(estimate.holding_torque, 0.0, travel);
-    add(
-        "gravity",
-        Figure {
-            value: -value,
-            uncertainty,
-        },
-    );
-    keys
 }
 
 /// A number with as many digits as it is worth, one more than its uncertainty has.
@@ -247,6 +276,7 @@ impl fmt::Display for Identified {
             viscous_friction,
             holding_torque,
             torque_delay_s,
+            swing,
             moving_s,
         } = &self.estimate;
         writeln!(
@@ -264,6 +294,21 @@ impl fmt::Display for Identified {
         ] {
             row(f, name, figure, unit)?;
         }
+        match swing {
+            Some(swing) => {
+                row(f, "antiresonance", &swing.antiresonance, "Hz")?;
+                for (name, figure, unit) in [
+                    ("resonance", &swing.resonance, "Hz"),
+                    ("damping ratio", &swing.damping, ""),
+                ] {
+                    match figure {
+                        Some(figure) => row(f, name, figure, unit)?,
+                        None => writeln!(f, "  {name:<22} not identifiable from this log")?,
+                    }
+                }
+            }
+            None => writeln!(f, "  no resonance is identifiable from this log")?,
+        }
         if self.simulation.is_empty() {
             return writeln!(
                 f,
@@ -271,8 +316,8 @@ impl fmt::Display for Identified {
             );
         }
         let units = match self.rotary {
-            false => ["kg", "N", "N·s/m"],
-            true => ["kg·m²", "N·m", "N·m·s/rad"],
+            false => ["kg", "N", "N·s/m", "N/µm"],
+            true => ["kg·m²", "N·m", "N·m·s/rad", "N·m/rad"],
         };
         writeln!(f, "\nof the axis, as [axis.simulation] has it")?;
         for Key { key, figure } in &self.simulation {
@@ -281,6 +326,8 @@ impl fmt::Display for Identified {
                 "friction" | "gravity" => units[1],
                 "viscous_friction" => units[2],
                 "motor_friction" => "N·m",
+                "stiffness" => units[3],
+                "damping" => "",
                 _ => "N·m·s/rad",
             };
             row(f, key, figure, unit)?;
@@ -299,7 +346,7 @@ fn row(f: &mut fmt::Formatter<'_>, name: &str, figure: &Figure, unit: &str) -> f
         0.0 => "0".to_owned(),
         _ => format!("{value:.3e}"),
     };
-    let (value, wide) = (*value, uncertainty / value.abs());
+    let (value, wide) = (*value, figure.part());
     let mark = if wide > UNCERTAIN { "  uncertain" } else { "" };
     writeln!(
         f,

@@ -172,6 +172,8 @@ pub struct Stiffness {
     pub stiffness: f64,
     /// What its kind has where nothing is said.
     pub usual: f64,
+    /// What one of the two is, N/m or N·m/rad.
+    pub unit: f64,
 }
 
 /// N/m.
@@ -223,6 +225,7 @@ impl FeedAxis {
             name: own.name,
             stiffness: own.stiffness / unit,
             usual: kind.stiffness / unit,
+            unit,
         })
     }
 

@@ -88,6 +88,10 @@ proptest! {
         std::fs::write(&file, bytes).unwrap();
         prop_assert_eq!(Log::read(&machine.axes[0], &file).unwrap(), log);
     }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
 
     /// Of an axis that is what the estimator takes it for, the numbers come out, with cycles that are missing, and with a
     /// torque that is told late.
@@ -119,6 +123,7 @@ const SHAFT: Shaft = Shaft {
     radians: TAU / 10.0,
     resolution: 10.0 / 131_072.0,
     rated_torque: 10.0,
+    motor_viscous_friction: None,
 };
 
 /// Mean speed of the synthetic motion, rad/s.

@@ -26,6 +26,9 @@ const LOOPS: [f64; 2] = [499.0, 80.0 / 499.0];
 /// What is found, as the JSON names it.
 const FIGURES: [&str; 4] = ["inertia", "friction", "viscous_friction", "holding_torque"];
 
+/// The same of a swing.
+const SWING: [&str; 3] = ["antiresonance", "resonance", "damping"];
+
 /// An axis and what is true of it.
 #[derive(Clone, Debug)]
 struct Plant {
@@ -41,8 +44,8 @@ struct Plant {
     motor: &'static str,
     /// All that `[axis.simulation]` has but the motor.
     simulation: String,
-    /// Antiresonance, Hz, if something gives way.
-    antiresonance: Option<f64>,
+    /// Antiresonance and resonance, Hz, and damping ratio, if something gives way.
+    swing: Option<[f64; 3]>,
     rated_torque: f64,
     /// At the motor's shaft: inertia, Coulomb and viscous friction, torque to hold it.
     truth: [f64; 4],
@@ -99,7 +102,7 @@ impl Plant {
             travel: 0.6 * ways,
             motor,
             simulation,
-            antiresonance,
+            swing: antiresonance.map(|hertz| [hertz, hertz * (inertia / rotor).sqrt(), damping]),
             rated_torque: rated,
             truth: [inertia, friction, viscous, held],
         }
@@ -154,6 +157,23 @@ impl Plant {
     }
 }
 
+impl Plant {
+    /// The same of antiresonance, resonance and damping ratio, as far as they are told.
+    fn swing_errors(&self, found: &Value) -> [Option<[f64; 2]>; 3] {
+        let told = &found["estimate"]["swing"];
+        assert!(
+            self.swing.is_some() || told.is_null(),
+            "it is stiff: {told}"
+        );
+        std::array::from_fn(|at| {
+            let figure = told[SWING[at]].as_object()?;
+            let (truth, number) = (self.swing?[at], |key: &str| figure[key].as_f64().unwrap());
+            let error = (number("value") - truth).abs();
+            Some([error, number("uncertainty")].map(|it| it / truth))
+        })
+    }
+}
+
 /// How far a figure may be off without saying so.
 const WITHIN: f64 = 0.03;
 
@@ -171,31 +191,45 @@ struct Tally {
     held: [usize; 4],
     /// By figure: the greatest error of those that say to be within 3 %.
     worst: [f64; 4],
+    /// Whose load swings.
+    swings: usize,
+    /// Of antiresonance, resonance and damping ratio: how many are told, are within 3 %, have an interval that holds the
+    /// truth, and are off by more with an interval that is narrower.
+    swing: [[usize; 4]; 3],
 }
 
 fn tally(count: usize, dice: &mut Dice) -> Tally {
     let folder = Folder::new();
     let mut tally = Tally::default();
+    let is_narrow = |[error, said]: &[f64; 2]| *error > WITHIN && *said <= WITHIN;
     for _ in 0..count {
         let plant = Plant::drawn(dice);
-        let errors = plant.errors(&plant.identified(&folder, &[]));
+        let found = plant.identified(&folder, &[]);
+        let errors = plant.errors(&found);
         tally.plants += 1;
         tally.right += usize::from(errors.iter().all(|[error, _]| *error <= WITHIN));
-        let is_narrow = |[error, said]: &&[f64; 2]| *error > WITHIN && *said <= WITHIN;
-        tally.narrow += errors.iter().filter(is_narrow).count();
+        tally.narrow += errors.iter().filter(|it| is_narrow(it)).count();
         if errors.iter().any(|[error, _]| *error > WITHIN) {
             tally.unflagged += usize::from(errors.iter().all(|[_, said]| *said <= WITHIN));
-            let hertz = plant.antiresonance;
-            eprintln!(
-                "off: {errors:.4?}, antiresonance {hertz:?} Hz, {} µs",
-                plant.cycle_us
-            );
         }
         for (at, [error, said]) in errors.into_iter().enumerate() {
             tally.held[at] += usize::from(error <= said);
             if said <= WITHIN {
                 tally.worst[at] = tally.worst[at].max(error);
             }
+        }
+        tally.swings += usize::from(plant.swing.is_some());
+        for (sums, told) in tally.swing.iter_mut().zip(plant.swing_errors(&found)) {
+            let Some([error, said]) = told else { continue };
+            let is = [
+                true,
+                error <= WITHIN,
+                error <= said,
+                is_narrow(&[error, said]),
+            ];
+            sums.iter_mut()
+                .zip(is)
+                .for_each(|(sum, is)| *sum += usize::from(is));
         }
     }
     tally
@@ -208,16 +242,50 @@ fn drawn_plants_are_found_or_said_to_be_uncertain() {
     assert!(tally.right >= 2, "{tally:?}");
 }
 
-/// As many as the numbers in docs/measured.md are of.
+/// What the numbers in docs/measured.md are of. The second hundred was drawn when the estimator stood.
 #[test]
-#[ignore = "long: 100 plants"]
+#[ignore = "long: 200 plants"]
 fn of_a_hundred_drawn_plants_those_that_are_off_say_so() {
-    let tally = tally(100, &mut Dice(2026));
-    println!("{tally:?}");
-    assert_eq!(tally.unflagged, 0, "{tally:?}");
-    assert!(tally.narrow <= 4, "{tally:?}");
-    assert!(tally.right >= 80, "{tally:?}");
-    assert!(tally.held.iter().all(|held| *held >= 90), "{tally:?}");
+    for seed in [2026, 31] {
+        let tally = tally(100, &mut Dice(seed));
+        println!("{seed}: {tally:?}");
+        assert!(tally.right >= 95, "{tally:?}");
+        assert_eq!((tally.unflagged, tally.narrow), (0, 0), "{tally:?}");
+        assert!(tally.held.iter().all(|held| *held >= 90), "{tally:?}");
+        let [told, _, held, narrow] =
+            std::array::from_fn(|at| tally.swing.iter().map(|it| it[at]).sum::<usize>());
+        assert!(held * 10 >= told * 9, "{tally:?}");
+        assert_eq!(narrow, 0, "{tally:?}");
+        assert!(tally.swing[0][0] * 10 >= tally.swings * 7, "{tally:?}");
+    }
+}
+
+/// A load that swings at 12 Hz behind a long screw: told with its keys, and none of it where windows see no such swing.
+#[test]
+fn a_load_behind_a_spring_is_found_and_written() {
+    let folder = Folder::new();
+    let mut dice = Dice(17);
+    let plant = loop {
+        let plant = Plant::drawn(&mut dice);
+        if plant
+            .swing
+            .is_some_and(|[hertz, ..]| (8.0..30.0).contains(&hertz))
+        {
+            break plant;
+        }
+    };
+    let found = plant.identified(&folder, &["--update"]);
+    let [antiresonance, resonance, damping] = plant.swing_errors(&found).map(Option::unwrap);
+    assert!(
+        antiresonance[0] < 0.003 && resonance[0] < 0.01,
+        "{antiresonance:?} {resonance:?}"
+    );
+    assert!(damping[0] < 0.1 && damping[0] < damping[1], "{damping:?}");
+    let (written, truth) = (folder.read("one.toml"), plant.machine(false));
+    for key in ["load", "stiffness", "damping"] {
+        let [found, is] = [&written, &truth].map(|text| number(text, key));
+        assert!((found / is - 1.0).abs() < 0.1, "{key}: {found}, not {is}");
+    }
 }
 
 /// Nothing but the log and what is public of the machine is known to the estimator: without the plant in the machine file
@@ -242,22 +310,24 @@ fn a_log_says_the_same_without_the_plant() {
     assert_eq!(again, first);
 }
 
+/// What a machine file has of a key.
+fn number(text: &str, key: &str) -> f64 {
+    let mut lines = text.lines().filter_map(|line| line.split_once(" = "));
+    let (_, value) = lines.find(|(name, _)| *name == key).unwrap();
+    value.parse().unwrap()
+}
+
 /// What is written into the machine file is what the plant is, in the file's own units.
 #[test]
 fn a_machine_file_that_is_updated_has_the_plant_that_was_found() {
     let folder = Folder::new();
     let plant = Plant {
-        antiresonance: None,
+        swing: None,
         direction: "negative",
         ..Plant::drawn(&mut Dice(11))
     };
     plant.identified(&folder, &["--update"]);
     let (written, truth) = (folder.read("one.toml"), plant.machine(false));
-    let number = |text: &str, key: &str| -> f64 {
-        let mut lines = text.lines().filter_map(|line| line.split_once(" = "));
-        let (_, value) = lines.find(|(name, _)| *name == key).unwrap();
-        value.parse().unwrap()
-    };
     for key in ["load", "friction", "viscous_friction", "gravity"] {
         let [found, is] = [&written, &truth].map(|text| number(text, key));
         assert!((found / is - 1.0).abs() < 0.05, "{key}: {found}, not {is}");
