@@ -119,12 +119,10 @@ impl PdoMappings {
             let mut changes = false;
             for (place, node) in self.nodes.iter_mut().enumerate() {
                 match id.checked_sub(node.id) {
-                    _ if id == NMT => {
-                        if node.is_reset(frame.data()) {
-                            node.reset();
-                            changes = true;
-                            tell(place, Heard::Reset);
-                        }
+                    _ if id == NMT && node.is_reset(frame.data()) => {
+                        node.reset();
+                        changes = true;
+                        tell(place, Heard::Reset);
                     }
                     Some(SDO_REQUEST) => node.request(frame.data()),
                     Some(SDO_ANSWER) => changes |= node.answer(frame.data()),
