@@ -195,8 +195,9 @@ pub enum Event {
     Threaded {
         /// Program line.
         line: u32,
-        /// By how much the axes were out of step with the spindle at most, mm, as the drives measured both.
-        off: f64,
+        /// By how much the axes were out of step with the spindle at most, mm, as the drives measured both; `None` of a
+        /// thread that was too short to tell.
+        off: Option<f64>,
     },
     /// A probing failed; the job is over.
     ProbingFailed {
@@ -606,12 +607,13 @@ impl Event {
                 Some((off, by)) => format!("line {line}: contact, known to {off:.4} mm {by}"),
                 None => format!("line {line}: no contact"),
             },
-            Self::Threaded { line, off } => {
-                format!(
+            Self::Threaded { line, off } => match off {
+                Some(off) => format!(
                     "line {line}: thread cut, in step within {:.1} µm",
                     1e3 * off
-                )
-            }
+                ),
+                None => format!("line {line}: thread cut, too short to tell how well in step"),
+            },
             Self::ProgramHomed { line } => format!("line {line}: homed, going on"),
             Self::ProbingFailed { line, failure } => {
                 Fault::Probing { line, failure }.describe(names)

@@ -166,6 +166,8 @@ impl<const N: usize> Controller<N> {
     fn input_came_on(&mut self, meaning: InputMeaning) {
         let state = self.state();
         match meaning {
+            // It would go on to its end.
+            InputMeaning::Door if self.threading.has_begun() => self.interrupt(),
             InputMeaning::FeedHold | InputMeaning::Door if state.allows(Request::FeedHold) => {
                 self.hold_path();
             }

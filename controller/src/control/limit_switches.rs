@@ -3,8 +3,8 @@
 //! A switch acts on what the axis is sent. While it is on, a setpoint that moves the axis further in its direction is a
 //! fault; at rest, and on the way back, it forbids nothing, so that a machine that was stopped by one is reset and jogged
 //! off it. A switch that *comes* on while its axis moves away from it is a fault too: then the two of an axis are wired
-//! the wrong way round, and the one in front would not stop it. One that bounces as its axis leaves it is no such one:
-//! it was on just before.
+//! the wrong way round, and the one in front would not stop it. Until it goes off it bars the direction in which it was
+//! met, whatever it is called. One that bounces as its axis leaves it is no such one: it was on just before.
 //!
 //! An axis may be homed by its limit switch, onto which it then moves by right. That switch alone acts on nothing from
 //! the beginning of the search until the axis rests behind it; the one at the other end goes on acting.
@@ -29,14 +29,21 @@ const ENDS: [f64; 2] = [-1.0, 1.0];
 pub(super) struct LimitSwitches {
     /// By input: the cycle in which it was on last.
     was_on: Vec<Option<u64>>,
+    /// By input: the direction in which no axis moves while it is on.
+    bars: Vec<f64>,
     /// By axis: it is, or comes to rest, on the limit switch by which it is homed.
     homes: Vec<bool>,
 }
 
 impl LimitSwitches {
     pub(super) fn new(layout: &Layout) -> Self {
+        let mut bars = vec![0.0; layout.inputs.len()];
+        for (end, input) in layout.axes.iter().flat_map(limit_inputs) {
+            bars[input] = ENDS[end];
+        }
         Self {
             was_on: vec![None; layout.inputs.len()],
+            bars,
             homes: vec![false; layout.axes.len()],
         }
     }
@@ -59,17 +66,22 @@ impl<const N: usize> Controller<N> {
                 homes || self.limit_switches.homes[index] && velocity != 0.0;
             for (end, input) in limit_inputs(axis) {
                 if !self.inputs.is_on(input) {
+                    self.limit_switches.bars[input] = ENDS[end];
                     continue;
                 }
+                let is_home = self.is_home(index, input);
                 let before = self.limit_switches.was_on[input].replace(self.cycle);
                 let is_new = before.is_none_or(|before| before + bounces < self.cycle);
-                let outwards = ENDS[end] * velocity;
-                let forbids = outwards > 0.0 || outwards < 0.0 && is_new;
-                if moves && forbids && !self.is_home(index, input) && forbidden.is_ok() {
+                let moving_away = ENDS[end] * velocity < 0.0;
+                let bars = &mut self.limit_switches.bars[input];
+                if moves && is_new && moving_away && !is_home {
+                    *bars = -ENDS[end];
+                }
+                if moves && *bars * velocity > 0.0 && !is_home && forbidden.is_ok() {
                     let cause = AxisCause::LimitSwitch {
                         input,
                         positive: end == 1,
-                        moving_away: outwards < 0.0,
+                        moving_away,
                     };
                     forbidden = Err(Fault::Axis(index, cause));
                 }
@@ -96,13 +108,14 @@ impl<const N: usize> Controller<N> {
                 Order::Begin(job) | Order::TakeUp(job)
                     if !letter.is_some_and(|&it| job.homes_first.contains(it)) =>
                 {
-                    [f64::NEG_INFINITY, f64::INFINITY]
+                    None
                 }
-                Order::Jog(jog) => [self.jogged_by(jog, at); 2],
+                Order::Jog(jog) => Some(self.jogged_by(jog, at)),
                 _ => continue,
             };
             for (end, input) in limit_inputs(axis) {
-                if by[end] * ENDS[end] > 0.0 && self.inputs.is_on(input) {
+                let barred = by.is_none_or(|by| by * self.limit_switches.bars[input] > 0.0);
+                if barred && self.inputs.is_on(input) {
                     let positive = end == 1;
                     return Err(Refusal::OnLimit { axis: at, positive });
                 }

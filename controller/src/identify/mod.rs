@@ -194,6 +194,10 @@ impl Subject {
                 value: stiffness,
                 uncertainty: part * stiffness,
             };
+            if stiffness.value <= 0.0 {
+                // More of the inertia is the motor's than there is: its figures are those of another one.
+                return keys;
+            }
             keys.push(Key {
                 key: "stiffness",
                 figure: stiffness,

@@ -61,6 +61,18 @@ pub(super) fn join(
 /// Refuses limit switches of axes that do not follow the controller's setpoints all the time.
 pub(super) fn check(log: &mut Log<'_>, machine: &Machine, tables: &[LimitTable]) {
     for (axis, LimitTable(ends)) in machine.axes.iter().zip(tables) {
+        if let HomingMethod::HardStop(search) = &axis.homing.method
+            && let Some(names) = &ends[usize::from(search.direction > 0.0)]
+        {
+            log.report(
+                names.span(),
+                format!(
+                    "axis \"{}\": a limit switch in front of the hard stop by which it is homed",
+                    axis.name()
+                ),
+                "leave it out, or home the axis by it: `kind = \"switch\"`",
+            );
+        }
         let by_itself = match (axis.motion, &axis.homing.method) {
             (Motion::PointToPoint, _) => "goes point to point",
             (_, HomingMethod::Drive(_)) => "is homed by its drive",

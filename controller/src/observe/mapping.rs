@@ -132,6 +132,9 @@ impl PdoMappings {
             if changes {
                 self.order_by_identifier();
             }
+            if id == NMT {
+                return;
+            }
         }
         for &(place, direction, number) in &self.carried[usize::from(id)] {
             let pdo = &self.nodes[place].pdos[direction][&number];

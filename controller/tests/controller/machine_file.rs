@@ -1281,6 +1281,7 @@ fn limit_switches_are_read() {
     assert_eq!(machine.axes[1].homing.switches(), [0]);
 
     let by_drive = "kind = \"drive\"\nspeed = 60.0\nslow_speed = 2.0\nmethod = 17\nposition = -4.0";
+    let by_stop = format!("{ON_STOP}\nposition = 810.0");
     let swapped = by_limit.replace("\"negative\"", "\"positive\"");
     let on_travel = by_limit.replace("-4.0", "0.0");
     for (axis, homing, told) in [
@@ -1304,6 +1305,11 @@ fn limit_switches_are_read() {
             BOTH_LIMITS,
             Some(by_drive),
             "axis \"Y\": `negative_limit` of an axis that is homed by its drive",
+        ),
+        (
+            BOTH_LIMITS,
+            Some(&by_stop),
+            "axis \"Y\": a limit switch in front of the hard stop by which it is homed",
         ),
         (
             BOTH_LIMITS,

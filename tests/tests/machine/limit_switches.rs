@@ -160,6 +160,16 @@ fn switches_that_are_wired_the_wrong_way_round_stop_it_too() {
     assert_eq!(limits(&rig), [(true, true)]);
     let rests = truth(&mut rig, Y);
     assert!((-12.0..-10.0).contains(&rests), "{rests}");
+    // It bars the way on, whatever it is called.
+    go(&mut rig, Command::Reset);
+    go(&mut rig, jog(-20.0, 60.0));
+    assert_eq!(on_limit(&rig), [true]);
+    rig.refused.clear();
+    go(&mut rig, jog(20.0, 60.0));
+    assert_eq!(rig.refused, []);
+    assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+    let rests = truth(&mut rig, Y);
+    assert!(rests > 0.0, "{rests}");
 }
 
 /// Runs until Y has come beyond a place in positive direction.

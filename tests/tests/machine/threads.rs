@@ -170,7 +170,7 @@ impl Thread {
 
 fn told(rig: &Rig) -> Vec<f64> {
     let threads = rig.events.iter().filter_map(|event| match event {
-        Event::Threaded { off, .. } => Some(*off),
+        Event::Threaded { off, .. } => *off,
         _ => None,
     });
     threads.collect()
@@ -426,6 +426,69 @@ fn a_spindle_faster_than_the_axis_is_a_stop_with_the_reason() {
         panic!("{failure:?}");
     };
     assert!(allowed == 15.4 && wanted > allowed, "{wanted}");
+}
+
+/// So gently that the axes could follow: to rest, or to the other side.
+#[test]
+fn a_spindle_that_slows_down_to_rest_stops_the_axes() {
+    for ends_at in [0.0, -0.5] {
+        let mut rig = EVEN.rig();
+        rig.run_until(|rig| {
+            let row = rig.rows.last();
+            row.is_some_and(|row| row.plan.off_path && row.plan.position[2] < 35.0)
+        });
+        let told = CobId::t_pdo(1, NodeId::new(4).unwrap());
+        let (mut before, mut shown, mut speed) = (None, 0.0, 1.0);
+        rig.bus().doctor = Some(Box::new(move |received| {
+            if let [s0, s1, p0, p1, p2, p3] = *received.frame.data()
+                && received.frame.id() == told.into()
+            {
+                let count = i32::from_le_bytes([p0, p1, p2, p3]);
+                let by = before.map_or(0, |before: i32| count.wrapping_sub(before));
+                if before.replace(count).is_none() {
+                    shown = f64::from(count);
+                }
+                speed = f64::max(speed - 0.01, ends_at);
+                shown += speed * f64::from(by);
+                let [p0, p1, p2, p3] = (shown as i32).to_le_bytes();
+                received.frame = Frame::new(told, &[s0, s1, p0, p1, p2, p3]);
+            }
+            true
+        }));
+        let failure = failure(&mut rig);
+        assert_eq!(failure, ThreadFailure::NotTurning);
+        assert_on_line(&rig, &EVEN);
+    }
+}
+
+/// A hold waits for a thread's end; somebody at an open door does not.
+#[test]
+fn a_door_that_is_opened_in_a_thread_stops_the_machine() {
+    let door = "[[input]]\nname = \"door\"\ndrive = \"X\"\nsignal = \"DI3\"\nfunction = \"door\"\n\n[machine]\n";
+    let mut rig = drill(&[("[machine]\n", door)], &EVEN.program());
+    rig.run_until(|rig| {
+        let row = rig.rows.last();
+        row.is_some_and(|row| row.plan.off_path && row.plan.position[2] < 35.0)
+    });
+    let from = rig.rows.last().unwrap().plan.position[2];
+    rig.twin(0).disturb(Disturbance::Input(3, true));
+    assert_eq!(rig.finish(), End::Interrupted, "{:?}", rig.events);
+    assert!(rig.ends_at_rest());
+    let rests = rig.rows.last().unwrap().plan.position[2];
+    // From 15 mm/s, by the axis' limits, and the cycles until the input is seen.
+    assert!((rests..rests + 1.0).contains(&from), "{from} {rests}");
+    assert_on_line(&rig, &EVEN);
+}
+
+/// As long as it takes to come in step and to rest, and no longer.
+#[test]
+fn of_a_thread_that_is_too_short_nobody_says_how_well_it_is_in_step() {
+    let program = "G21 G90 G61\nM3 S600\nG0 X5 Z40\nG33 Z38.9 K1.5\nG0 Z45\nM5\nM2\n";
+    let mut rig = drill(&[], program);
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    assert!(told(&rig).is_empty());
+    let cut = |event: &Event| matches!(event, Event::Threaded { off: None, .. });
+    assert!(rig.events.iter().any(cut), "{:?}", rig.events);
 }
 
 #[test]

@@ -21,7 +21,7 @@ use syncline_canopen::time::Duration;
 use syncline_gcode::Turning;
 use syncline_trajectory::limits::Limits;
 use syncline_trajectory::path::Setpoint;
-use syncline_trajectory::synchronous::{Follower, LostStep, Thread};
+use syncline_trajectory::synchronous::{Follower, LostStep, RippleLimits, Thread};
 
 /// In so many turns a spindle is known, and comes to where a thread begins.
 const TURNS: f64 = 8.0;
@@ -29,6 +29,10 @@ const TURNS: f64 = 8.0;
 const SETTLING: f64 = 1.0;
 /// So long after the first setpoint in step the drives have settled, and what is measured counts.
 const SETTLED: Duration = Duration::from_millis(100);
+
+/// For so long a spindle may turn with less than half of its speed, or the other way, while a thread is cut: it would lead
+/// the axes to rest, or back.
+const SLOW: Duration = Duration::from_millis(40);
 
 /// A thread, as the program has it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,8 +60,11 @@ struct Motion<const N: usize> {
     patience: u64,
     /// Setpoints in step so far.
     in_step: u32,
-    /// By how much the axes were out of step with the spindle at most, as both were measured, mm.
-    off: f64,
+    /// For so many cycles the spindle has not turned as it was told to.
+    slow: u64,
+    /// By how much the axes were out of step with the spindle at most, as both were measured, mm; `None` while that
+    /// cannot be told.
+    off: Option<f64>,
 }
 
 /// What is known of threads.
@@ -81,6 +88,11 @@ impl<const N: usize> Threading<N> {
             paused: false,
             lost: None,
         }
+    }
+
+    /// Whether the axes are on their way along one.
+    pub(super) fn has_begun(&self) -> bool {
+        self.motion.is_some_and(|it| it.follower.has_begun())
     }
 
     /// Whether the axes move, or rest, for one.
@@ -156,7 +168,8 @@ impl<const N: usize> Controller<N> {
             from: self.planned.position,
             patience: self.cycles(patience),
             in_step: 0,
-            off: 0.0,
+            slow: 0,
+            off: None,
         });
     }
 
@@ -196,16 +209,24 @@ impl<const N: usize> Controller<N> {
     /// The spindle does not turn as it is told to.
     pub(super) fn step_thread(&mut self) -> Result<(), Fault> {
         let off = self.out_of_step();
+        let told = turning(self.switches.functions.spindle) / 60.0;
+        let turned = self.spindle.angle().after(0.0, RippleLimits::NONE).speed;
+        let most_slow = self.cycles(SLOW);
         let paused = self.threading.paused;
         let turns = self.switches.functions.spindle.turning;
         let Some(motion) = &mut self.threading.motion else {
             return Ok(());
         };
-        motion.off = motion.off.max(off.unwrap_or(0.0));
+        if let Some(off) = off {
+            motion.off = Some(motion.off.map_or(off, |most| most.max(off)));
+        }
+        let is_slow = turned * told.signum() < 0.5 * told.abs();
+        motion.slow = if is_slow { motion.slow + 1 } else { 0 };
         let Motion {
             begun,
             follower,
             patience,
+            slow,
             off,
             ..
         } = motion;
@@ -216,8 +237,15 @@ impl<const N: usize> Controller<N> {
             self.replan_behind(number, None, paused);
             return Ok(());
         }
+        let not_turning = Fault::Thread {
+            line: self.threading.line,
+            failure: ThreadFailure::NotTurning,
+        };
         if follower.has_begun() {
-            return Ok(());
+            return match *slow > most_slow {
+                true => Err(not_turning),
+                false => Ok(()),
+            };
         }
         if paused {
             self.threading.motion = None;
@@ -227,8 +255,7 @@ impl<const N: usize> Controller<N> {
         }
         *patience = patience.saturating_sub(1);
         if *patience == 0 || turns == Turning::Off {
-            let (line, failure) = (self.threading.line, ThreadFailure::NotTurning);
-            return Err(Fault::Thread { line, failure });
+            return Err(not_turning);
         }
         Ok(())
     }
