@@ -10,12 +10,12 @@ pub use hard_stop::HardStopSearch;
 use super::signals::{Input, InputMeaning};
 
 use super::simulation::{number, number_or};
-use super::{Axis, AxisLimits, Drive};
+use super::{Axis, AxisLimits, Drive, signals};
 use hard_stop::HardStopTable;
 use std::ops::Range;
 use std::time::Duration;
 use syncline_drives::model::Capture;
-use syncline_strict_toml::{Log, Table, nearest, one_of};
+use syncline_strict_toml::{Log, Table, one_of};
 use toml::Spanned;
 
 /// `[homing]`: what holds for all axes.
@@ -635,36 +635,28 @@ fn home_input(
         true => (&axis.limit_inputs[1], limits.1),
         false => (&axis.limit_inputs[0], limits.0),
     };
-    let allowed = (0..inputs.len())
-        .filter(|place| inputs[*place].meaning == InputMeaning::Home || end.contains(place));
-    let found = (allowed.clone()).find(|&place| inputs[place].name == *switch.get_ref());
+    let title = format!("axis \"{name}\": homing");
+    let allowed =
+        |place: usize| inputs[place].meaning == InputMeaning::Home || end.contains(&place);
+    let found = signals::named(
+        log,
+        &title,
+        ("home switch", "home"),
+        switch,
+        inputs,
+        allowed,
+    );
     if found.is_some_and(|place| end.contains(&place))
         && (search.position - travel) * search.direction <= 0.0
     {
         log.report(
             switch.span(),
             format!(
-                "axis \"{name}\": homing: its soft limits go up to {travel}, and its limit switch \"{}\" is on from {} on",
+                "{title}: its soft limits go up to {travel}, and its limit switch \"{}\" is on from {} on",
                 switch.get_ref(),
                 search.position
             ),
             "let `soft_limits` end in front of the `position` of the switch",
-        );
-    }
-    if found.is_none() {
-        let names = allowed.map(|place| inputs[place].name.as_str());
-        let near = nearest(switch.get_ref(), names.clone());
-        let help = match near {
-            Some(near) => format!("allowed: {}; nearest: \"{near}\"", one_of(names)),
-            None => "add an [[input]] with `function = \"home\"`".to_owned(),
-        };
-        log.report(
-            switch.span(),
-            format!(
-                "axis \"{name}\": homing: there is no home switch \"{}\"",
-                switch.get_ref()
-            ),
-            help,
         );
     }
     found

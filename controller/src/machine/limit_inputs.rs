@@ -1,12 +1,15 @@
 //! Limit switches that are wired to inputs of the machine: `negative_limit` and `positive_limit` of an axis.
 
-use super::{Axis, HomingMethod, Input, InputMeaning, Machine, Motion};
+use super::{Axis, HomingMethod, Input, InputMeaning, Machine, Motion, signals};
 use std::ops::Range;
-use syncline_strict_toml::{Log, Table, nearest, one_of};
+use syncline_strict_toml::{Log, Table};
 use toml::Spanned;
 
 /// The keys, by the end of the travel that each is about.
 const KEYS: [&str; 2] = ["negative_limit", "positive_limit"];
+
+/// What they are, and the `function` of their inputs.
+const KIND: (&str, &str) = ("limit switch", "limit");
 
 /// The limit switches of an axis as the file names them, by end.
 pub(super) struct LimitTable([Option<Spanned<Vec<Spanned<String>>>>; 2]);
@@ -25,21 +28,19 @@ pub(super) fn join(
     tables: &[LimitTable],
     (inputs, places): (&[Input], &[Range<usize>]),
 ) {
+    let is_limit = |place: usize| inputs[place].meaning == InputMeaning::Limit;
     let mut taken = vec![false; inputs.len()];
     for (axis, LimitTable(ends)) in axes.iter_mut().zip(tables) {
+        let title = format!("axis \"{}\"", axis.name());
         for (end, names) in ends.iter().enumerate() {
             for name in names.iter().flat_map(|names| names.get_ref()) {
-                let Some(input) = limit_input(log, axis.name(), name, inputs) else {
+                let Some(input) = signals::named(log, &title, KIND, name, inputs, is_limit) else {
                     continue;
                 };
                 if std::mem::replace(&mut taken[input], true) {
                     log.report(
                         name.span(),
-                        format!(
-                            "axis \"{}\": limit switch \"{}\" a second time",
-                            axis.name(),
-                            name.get_ref()
-                        ),
+                        format!("{title}: limit switch \"{}\" a second time", name.get_ref()),
                         "allowed: each limit switch for one end of one axis",
                     );
                 }
@@ -88,32 +89,4 @@ pub(super) fn check(log: &mut Log<'_>, machine: &Machine, tables: &[LimitTable])
             }
         }
     }
-}
-
-/// The input of that name, if it is a limit switch.
-fn limit_input(
-    log: &mut Log<'_>,
-    axis: &str,
-    name: &Spanned<String>,
-    inputs: &[Input],
-) -> Option<usize> {
-    let limit = |input: &&Input| input.meaning == InputMeaning::Limit;
-    let found = inputs.iter().position(|it| it.name == *name.get_ref());
-    let found = found.filter(|&index| limit(&&inputs[index]));
-    if found.is_none() {
-        let names = inputs.iter().filter(limit).map(|input| input.name.as_str());
-        let help = match nearest(name.get_ref(), names.clone()) {
-            Some(near) => format!("allowed: {}; nearest: \"{near}\"", one_of(names)),
-            None => "add an [[input]] with `function = \"limit\"`".to_owned(),
-        };
-        log.report(
-            name.span(),
-            format!(
-                "axis \"{axis}\": there is no limit switch \"{}\"",
-                name.get_ref()
-            ),
-            help,
-        );
-    }
-    found
 }

@@ -258,6 +258,30 @@ impl Wire {
     }
 }
 
+/// The input of that name among those that are `allowed`, by its place; what they are, and their `function`.
+pub(super) fn named(
+    log: &mut Log<'_>,
+    title: &str,
+    (kind, function): (&str, &str),
+    name: &Spanned<String>,
+    inputs: &[Input],
+    allowed: impl Fn(usize) -> bool,
+) -> Option<usize> {
+    let places = (0..inputs.len()).filter(|place| allowed(*place));
+    let found = (places.clone()).find(|&place| inputs[place].name == *name.get_ref());
+    let names = places.map(|place| inputs[place].name.as_str());
+    match (found, names.clone().next()) {
+        (Some(_), _) => {}
+        (None, Some(_)) => unknown(log, title, kind, name, names),
+        (None, None) => log.report(
+            name.span(),
+            format!("{title}: there is no {kind} \"{}\"", name.get_ref()),
+            format!("add an [[input]] with `function = \"{function}\"`"),
+        ),
+    }
+    found
+}
+
 /// What an input is called of which every cycle's level counts.
 fn edge_of(meaning: Option<InputMeaning>) -> Option<&'static str> {
     match meaning? {

@@ -589,16 +589,13 @@ impl Program {
             }
             let beside = source.point_to_point(&command.action, 1.0);
             beside.map_err(|mixed| mixed.at(place(&interpreter, command.span)))?;
-            let curves = source.curves(&command);
-            let curves = curves.map_err(|source| ProgramError::Curve {
+            let no_curve = |source| ProgramError::Curve {
                 place: place(&interpreter, command.span),
                 source,
-            })?;
+            };
+            let curves = source.curves(&command).map_err(no_curve)?;
             if let Action::Thread { to, lead } = command.action {
-                let line = source.line(to.0).map_err(|source| ProgramError::Curve {
-                    place: place(&interpreter, command.span),
-                    source,
-                })?;
+                let line = source.line(to.0).map_err(no_curve)?;
                 let spindle = interpreter.modes().spindle;
                 let thread = thread(0, &line, lead, spindle, &self.limits);
                 thread.map_err(|source| ProgramError::Thread {
