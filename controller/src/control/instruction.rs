@@ -106,6 +106,17 @@ pub enum StopPoint {
 }
 
 impl StopPoint {
+    /// Whether axes move there beside the path: nothing leads back over that.
+    pub(super) fn leaves_path(self) -> bool {
+        matches!(
+            self,
+            Self::PointToPoint { .. }
+                | Self::Probe { .. }
+                | Self::Thread { .. }
+                | Self::Home { .. }
+        )
+    }
+
     /// The line of the block that is at work while the path rests there.
     #[must_use]
     pub fn works_on(&self) -> Option<u32> {

@@ -221,7 +221,7 @@ impl<const N: usize> Controller<N> {
 
     /// While it stops: the way to rest, and nothing beyond. A homing comes before the job; a probing and a thread have no
     /// plan.
-    fn takes_plan(&self) -> bool {
+    pub(super) fn takes_plan(&self) -> bool {
         let elsewhere =
             self.homing.is_active() || self.probing.is_active() || self.threading.is_active();
         self.job.is_some() && !elsewhere && matches!(self.phase, Phase::Program | Phase::Stop)

@@ -111,8 +111,8 @@ pub enum Refusal {
     /// It would take the axes out of step with the spindle.
     #[error("not while a thread is cut, which ends by itself: wait for that, or stop")]
     Threading,
-    /// Axes go point to point, and the path waits for them.
-    #[error("axes go point to point, which nothing takes back: feed hold and resume, or stop")]
+    /// Axes move beside the path, or are about to, and it waits for them.
+    #[error("axes move beside the path, which nothing takes back: feed hold and resume, or stop")]
     NoWayBack,
     /// It needs the axes at rest.
     #[error("axes move: feed hold, wait until they rest, then command it again")]
@@ -202,7 +202,7 @@ impl<const N: usize> Controller<N> {
                 return Err(Refusal::Threading);
             }
             Order::Retrace if self.probing.is_active() => return Err(Refusal::Probing),
-            Order::Retrace if matches!(self.reached(), Some(StopPoint::PointToPoint { .. })) => {
+            Order::Retrace if self.reached().is_some_and(StopPoint::leaves_path) => {
                 return Err(Refusal::NoWayBack);
             }
             Order::Retrace => {

@@ -407,7 +407,7 @@ impl<const N: usize> Controller<N> {
                 self.await_user_code(call, within, line);
             }
             Some(StopPoint::AwaitInput { .. } | StopPoint::UserCode { .. }) => {}
-            Some(StopPoint::PointToPoint { .. }) if self.executor.retraces() => {
+            Some(stop) if stop.leaves_path() && self.executor.retraces() => {
                 // It was to go back, and could not come to rest before; nothing leads back over the move.
                 self.tell(Event::NoWayBack);
                 self.executor.feed_hold();
@@ -461,7 +461,7 @@ impl<const N: usize> Controller<N> {
     fn watch_plan(&mut self) -> Result<(), Fault> {
         let waits = self.begun
             && self.phase == Phase::Program
-            && !self.homing.is_active()
+            && self.takes_plan()
             && self.executor.wants_plan();
         self.unplanned = if waits { self.unplanned + 1 } else { 0 };
         if self.unplanned > self.cycles(NO_PLAN) && !self.job.is_some_and(|job| job.waits_for_input)

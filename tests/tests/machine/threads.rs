@@ -331,6 +331,35 @@ fn hold_override_and_single_block_wait_for_the_end() {
     }
 }
 
+/// Between two threads there is no path that could lead back: it holds before the second one.
+#[test]
+fn a_retrace_just_before_it_begins_holds_there() {
+    let program = "G21 G90 G61\nM3 S600\nG0 X5 Z40\nG33 Z30 K1.5\nG33 Z20 K1.5\nM5\nM2\n";
+    let (mut held, mut late) = (0, 0);
+    for wake_ups in 0..8 {
+        let mut rig = drill(&[], program);
+        rig.run_until(|rig| told(rig).len() == 1);
+        for _ in 0..wake_ups {
+            rig.step();
+        }
+        rig.command(Command::Retrace);
+        let until = rig.rows.len() + 100;
+        rig.run_to_row(until);
+        if rig.refused.is_empty() {
+            let state = rig.session.status().state;
+            assert_eq!(state, State::Held, "{wake_ups}");
+            assert!(rig.events.contains(&Event::NoWayBack), "{wake_ups}");
+            held += 1;
+            rig.command(Command::Resume);
+        } else {
+            late += 1;
+        }
+        assert_eq!(rig.finish(), End::Finished, "{wake_ups}: {:?}", rig.events);
+        assert_eq!(told(&rig).len(), 2, "{wake_ups}");
+    }
+    assert!(held > 1 && late > 2, "{held} {late}");
+}
+
 /// At 60 1/min it waits long enough for a hold before it sets off.
 #[test]
 fn a_hold_before_it_sets_off_holds_there() {
