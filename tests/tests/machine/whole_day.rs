@@ -576,7 +576,7 @@ fn shown(screen: &str, axis: &str) -> Option<f64> {
 
 /// The last that is told of a way back.
 fn last_leg(screen: &str) -> &str {
-    screen.rfind("way back").map_or("", |at| &screen[at..])
+    screen.rfind("way back:").map_or("", |at| &screen[at..])
 }
 
 /// Waits until the machine is in a state and an axis stands there, but for the encoder's noise.
@@ -672,8 +672,11 @@ fn by_keys_on_a_terminal() {
     keys.wait_until(starts(" HELD"));
     for leg in ["takes Z to 10.000", "takes X to", "where the path goes on"] {
         keys.press(b"\r");
-        keys.wait_until(|screen| last_leg(screen).contains(leg));
-        keys.wait_until(starts(" HELD"));
+        // It is told by what plans the way, before the cycle rests for it.
+        keys.wait_until(|screen| {
+            let told = last_leg(screen);
+            told.contains(leg) && told.contains("waits for cycle start")
+        });
     }
     keys.press(b"\r");
     await_rest(&mut keys, "READY", "X", 0.0);
