@@ -738,12 +738,13 @@ impl DeviceNode {
         })
     }
 
-    /// The steps that take the set-up's cyclic part back.
-    pub(super) fn ask_release(&mut self) {
+    /// The steps that take the set-up's cyclic part back, from a device in reach; whatever else there was to do is
+    /// forgotten, as a bus may come back meanwhile.
+    pub(super) fn ask_release(&mut self, in_reach: bool) {
         self.polls = Polls::NONE;
         self.sequence.clear();
         self.torque.forget_steps();
-        if self.sequence.has_identified() {
+        if in_reach && self.sequence.has_identified() {
             self.release_torque();
             let release = self
                 .device

@@ -617,9 +617,8 @@ impl<const N: usize> Controller<N> {
 
     fn ask_release(&mut self) {
         for drive in 0..self.nodes.len() {
-            if self.is_in_reach(drive) {
-                self.nodes[drive].ask_release();
-            }
+            let in_reach = self.is_in_reach(drive);
+            self.nodes[drive].ask_release(in_reach);
         }
     }
 

@@ -8,7 +8,8 @@ use syncline_canopen::time::Duration;
 use syncline_canopen::{Address, CanId, CobId, Frame, NodeId, nmt};
 use syncline_controller::bus::Received;
 use syncline_controller::control::fault::{AwaitedState, AxisCause, BusCause, DeviceCause};
-use syncline_controller::control::{End, Event, Fault, Phase};
+use syncline_controller::control::{End, Event, Fault, Phase, State};
+use syncline_controller::session::Command;
 use syncline_drives::model::NotFollowing;
 use syncline_drives::twin::lxm32m::{DriveError, Twin};
 use syncline_drives::twin::{Config, Disturbance, ErrorClass};
@@ -744,6 +745,35 @@ fn a_drive_that_stays_enabled() {
         matches!(fault, Fault::Device(X2, DeviceCause::StaysEnabled { .. })),
         "{fault:?}"
     );
+}
+
+/// A bus that fails while its drives are found, and is back before those of the other one are released: what was
+/// being asked is forgotten, and nothing waits for it.
+#[test]
+fn a_bus_that_comes_back_while_the_other_one_is_released() {
+    const SLOW: usize = 1;
+    let mut rig = Rig::staying_on("mixed", &[], as_configured);
+    let fails = |rig: &mut Rig| {
+        rig.bus_at(SLOW).unplugged = true;
+        rig.run_until(|rig| !rig.controller().faults().is_empty());
+        rig.bus_at(SLOW).unplugged = false;
+    };
+    rig.run_until(|rig| rig.session.status().state == State::Ready);
+    fails(&mut rig);
+    rig.run_until(|rig| rig.session.status().state == State::Faulted);
+    rig.bus_at(SLOW).doctor = Some(Box::new(|it| {
+        let answer = is(it, CobId::t_sdo(node(Z)), &[0x4B, 0x41, 0x60, 0]);
+        !answer || doctored(it, |data| data[4] = 0x37)
+    }));
+    rig.command(Command::Reset);
+    rig.run_until(|rig| {
+        let found = |event: &Event| matches!(event, Event::FoundEnabled { device: Z, .. });
+        rig.events.iter().any(found)
+    });
+    fails(&mut rig);
+    rig.run_until(|rig| rig.session.status().state == State::Faulted);
+    let fault = Fault::Bus(SLOW, BusCause::Failed);
+    assert_eq!(rig.controller().faults(), [fault]);
 }
 
 #[test]
