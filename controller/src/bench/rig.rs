@@ -223,6 +223,7 @@ impl Shape {
             state_timeout: Duration::from_secs(5),
             stop_together: false,
             spindle: None,
+            speed_loss: Duration::ZERO,
             shaper: Shaper::none(),
             retraction: None,
             probing: Probing::default(),

@@ -21,8 +21,16 @@ use syncline_drives::model::{Address, PowerState, StatusWord};
 use syncline_gcode::Axis as Letter;
 use syncline_trajectory::path::Leg;
 
+/// Why a path slows down that nobody told to.
+const LATE_PLAN: &str =
+    "the plan came late, so the path slows down: this host is slow for the program";
+
 /// Why a path is not retraced any further.
 const NO_WAY_BACK: &str = "no way back from here: the program begins here, or goes on behind a probing or a move point to point";
+
+/// Why a cut is held, and what to do.
+const SPEED_LOST: &str = "the spindle lost its speed in the cut, its input says: look for what holds it back, then go on; it is \
+                          watched again once the input is on";
 
 /// What a held program that was left for typed lines waits for.
 const SET_ASIDE: &str = "the program waits, and nothing goes on by itself: `resume` reads it anew from the block at work, \
@@ -208,6 +216,8 @@ pub enum Event {
     },
     /// The probe touched something while the axes moved for something else; they come to rest.
     Touched,
+    /// An input told in a cut that the spindle has lost its speed: the path comes to rest and is held.
+    SpeedLost,
     /// A continuous jog was not renewed in time: the axis comes to rest.
     JogNotRenewed {
         /// Which axis.
@@ -553,9 +563,7 @@ impl Event {
                     names.bus(bus)
                 )
             }
-            Self::LatePlan => "the plan came late, so the path slows down: this host is slow for \
-                               the program"
-                .to_owned(),
+            Self::LatePlan => LATE_PLAN.to_owned(),
             Self::Signal { .. }
             | Self::Input { .. }
             | Self::Output { .. }
@@ -571,6 +579,7 @@ impl Event {
                 format!("line {line}: M{}: running its command", call.code)
             }
             Self::Held
+            | Self::SpeedLost
             | Self::NextLeg(_)
             | Self::Resumed
             | Self::StillPaused { .. }
@@ -587,6 +596,7 @@ impl Event {
     fn describe_path(&self) -> Option<String> {
         Some(match *self {
             Self::Held => "feed hold: held on the path".to_owned(),
+            Self::SpeedLost => SPEED_LOST.to_owned(),
             Self::NextLeg(leg) => describe_leg(&leg),
             Self::Resumed => "going on".to_owned(),
             Self::StillPaused { line, reason } => {

@@ -63,6 +63,15 @@ pub enum Fault {
         /// Why.
         failure: ThreadFailure,
     },
+    /// The spindle, which its drive turns, fell away from its speed while the path cut.
+    SpindleSpeed {
+        /// How fast it turned, 1/min, negative counterclockwise.
+        speed: f64,
+        /// What it was told.
+        told: f64,
+        /// By how much it might differ, 1/min.
+        allowed: f64,
+    },
     /// The probe touched something while the axes moved for something else.
     Touched,
     /// The path rested in mid-program, nobody held it, and nothing more of its plan came.
@@ -472,8 +481,14 @@ impl Fault {
     /// Of a fault that is a value beyond a limit: both, and their unit.
     #[must_use]
     pub fn excess(&self, names: &impl Names) -> Option<(f64, f64, &'static str)> {
-        let Self::Axis(axis, cause) = *self else {
-            return None;
+        let (axis, cause) = match *self {
+            Self::Axis(axis, cause) => (axis, cause),
+            Self::SpindleSpeed {
+                speed,
+                told,
+                allowed,
+            } => return Some(((speed - told).abs(), allowed, "1/min")),
+            _ => return None,
         };
         let AxisSpec { limits, unit, .. } = names.axis(axis);
         let (value, limit) = match cause {
@@ -544,6 +559,14 @@ impl Fault {
                 format!("line {line}: {failure}")
             }
             Self::Thread { line, failure } => format!("line {line}: {}", failure.describe()),
+            Self::SpindleSpeed {
+                speed,
+                told,
+                allowed,
+            } => format!(
+                "the spindle turned with {speed:.0} 1/min in a cut, told were {told:.0} ± {allowed:.0} 1/min: look for what \
+                 holds it back, tool, feed and depth of the cut, and at its drive"
+            ),
             Self::Touched => {
                 "the probe touched something while nobody probed: move away, and look at \
                               probe, program and work"

@@ -121,7 +121,7 @@ pub struct InputWait {
 }
 
 /// What was at speed before a change may say so for so long after it.
-const AT_SPEED_BEFORE: Duration = Duration::from_millis(100);
+pub(super) const AT_SPEED_BEFORE: Duration = Duration::from_millis(100);
 
 /// How long the path has rested for an input.
 #[derive(Clone, Copy, Debug)]
@@ -221,11 +221,20 @@ impl<const N: usize> Controller<N> {
         self.signals_read.as_ref()
     }
 
+    /// Whether an input of this meaning is on.
+    fn is_any_on(&self, meaning: InputMeaning) -> bool {
+        let mut inputs = self.layout.inputs.iter().enumerate();
+        inputs.any(|(index, input)| input.meaning == meaning && self.inputs.is_on(index))
+    }
+
+    /// Whether an input tells that the spindle has its speed.
+    pub(super) fn tells_at_speed(&self) -> bool {
+        self.is_any_on(InputMeaning::AtSpeed)
+    }
+
     /// Whether the input that the path rests for is there; `None` while neither it nor the time has come.
     pub(super) fn awaited(&mut self, wait: InputWait) -> Option<bool> {
-        let mut inputs = self.layout.inputs.iter().enumerate();
-        let on =
-            inputs.any(|(index, input)| input.meaning == wait.input && self.inputs.is_on(index));
+        let on = self.is_any_on(wait.input);
         let at_speed = wait.input == InputMeaning::AtSpeed;
         // What its drive measures is no older than what it was told.
         let is_measured = at_speed && self.layout.spindle.is_some();

@@ -13,6 +13,8 @@ use syncline_drives::model::{Device, Direction, Increments, Scaling};
 use syncline_trajectory::path::Retraction;
 use syncline_trajectory::shaper::Shaper;
 
+/// No speed of a spindle is held more closely than to this part of the greatest.
+const LEAST_WINDOW: f64 = 0.001;
 /// A spindle stands that turns by less, degrees.
 const SPINDLE_STANDS: f64 = 0.5;
 
@@ -54,6 +56,8 @@ pub struct Layout {
     pub axes: Vec<AxisSpec>,
     /// The spindle, where a drive turns it.
     pub spindle: Option<SpindleSpec>,
+    /// A cut may go on for so long after the spindle has lost its speed.
+    pub speed_loss: Duration,
     /// What setpoints go through on their way from the path to the drives.
     pub shaper: Shaper,
     /// How the axes go back to a path that they were jogged off; `None`: on a straight line.
@@ -157,6 +161,13 @@ pub struct SpindleSpec {
     pub tolerance: f64,
     /// Within this time it turns as it was told last.
     pub reversal: Duration,
+}
+
+impl SpindleSpec {
+    /// By how much it may differ from a speed that it has, 1/min.
+    pub(super) fn window(&self, speed: f64) -> f64 {
+        (self.tolerance * speed.abs()).max(LEAST_WINDOW * self.fastest)
+    }
 }
 
 /// What a device counts by, and by how much it may move where it stands: at its axis, or turning the spindle.
@@ -300,6 +311,7 @@ impl Layout {
             buses,
             devices,
             spindle: SpindleSpec::of(machine),
+            speed_loss: (machine.spindle.as_ref()).map_or(Duration::ZERO, |it| it.loss),
             shaper: machine.shaper.clone(),
             retraction: machine.retraction,
             homing: machine.homing,

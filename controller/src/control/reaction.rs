@@ -46,6 +46,8 @@ pub enum Cause {
     FeedHold,
     /// A door is opened.
     Door,
+    /// An input tells in a cut that the spindle has lost its speed.
+    SpeedLost,
     /// An operator's stop.
     Stop,
     /// A block cannot be run.
@@ -54,6 +56,8 @@ pub enum Cause {
     Probing,
     /// A thread cannot be cut.
     Thread,
+    /// A driven spindle falls away from its speed in a cut.
+    SpindleSpeed,
     /// An axis is not referenced where it has to be, or cannot be homed.
     Unreferenced,
     /// No plan came for long.
@@ -106,13 +110,15 @@ pub struct Rule {
 }
 
 /// The table, in the order of [`Cause`].
-pub const RULES: [Rule; 25] = [
+pub const RULES: [Rule; 27] = [
     rule(Cause::FeedHold, Reaction::FeedHold, Clearing::GoOn),
     rule(Cause::Door, Reaction::FeedHold, Clearing::GoOn),
+    rule(Cause::SpeedLost, Reaction::FeedHold, Clearing::GoOn),
     rule(Cause::Stop, Reaction::StopOnPath, Clearing::Nobody),
     rule(Cause::Program, Reaction::StopOnPath, Clearing::Nobody),
     rule(Cause::Probing, Reaction::StopOnPath, Clearing::Nobody),
     rule(Cause::Thread, Reaction::StopOnPath, Clearing::Reset),
+    rule(Cause::SpindleSpeed, Reaction::StopOnPath, Clearing::Reset),
     rule(Cause::Unreferenced, Reaction::StopOnPath, Clearing::Reset),
     rule(Cause::NoPlan, Reaction::StopOnPath, Clearing::Reset),
     rule(Cause::LateWakeUp, Reaction::StopOnPath, Clearing::Reset),
@@ -197,6 +203,7 @@ impl Fault {
             Self::Unreferenced(_) | Self::Homing(..) => Cause::Unreferenced,
             Self::Probing { .. } | Self::Touched => Cause::Probing,
             Self::Thread { .. } => Cause::Thread,
+            Self::SpindleSpeed { .. } => Cause::SpindleSpeed,
             Self::NotEnabled { .. } => Cause::EnableLost,
             Self::NoPlan => Cause::NoPlan,
         }
@@ -267,6 +274,8 @@ impl fmt::Display for Cause {
             Self::Program => "a block of the program cannot be run",
             Self::Probing => "a probing without contact, or with contact already; contact while nobody probes",
             Self::Thread => "a thread for which the spindle is too fast, too uneven, or does not turn",
+            Self::SpeedLost => "the input `at_speed` goes off in a cut",
+            Self::SpindleSpeed => "a spindle that a drive turns falls away from its speed in a cut",
             Self::Unreferenced => "an axis not referenced that has to be, or that cannot be homed",
             Self::NoPlan => "the path waits for its plan for 30 s",
             Self::LateWakeUp => "late wake-up of a cycle that is to be strict",

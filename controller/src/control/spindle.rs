@@ -7,9 +7,13 @@
 //!
 //! Its speed is that of its actual positions, which count increments, not what the drive says of its velocity: that
 //! counts in the unit in which it was sent, and so would agree where the unit is another one than the machine file says.
+//!
+//! A spindle that has had its speed has to keep it while the path cuts, be it turned by a drive or by something that tells by an
+//! input whether it is at speed.
 
-use super::Controller;
+use super::inputs::AT_SPEED_BEFORE;
 use super::layout::{Layout, SpindleSpec};
+use super::{Controller, Event, Fault, Phase, Request};
 use crate::machine::{TURN, degrees_per_second};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -17,9 +21,6 @@ use syncline_canopen::time::Duration;
 use syncline_drives::model::PowerState;
 use syncline_gcode::{Spindle, Turning};
 use syncline_trajectory::synchronous::AngleObserver;
-
-/// No speed is held more closely than to this part of the greatest.
-const LEAST_WINDOW: f64 = 0.001;
 
 /// A speed is the mean over this time, so that an encoder of some thousand increments tells it to 1/min.
 const AVERAGED: Duration = Duration::from_millis(20);
@@ -45,6 +46,39 @@ pub fn turning(spindle: Spindle) -> f64 {
     }
 }
 
+/// Whether the spindle keeps the speed that it was told.
+#[derive(Clone, Copy, Debug, Default)]
+struct KeptSpeed {
+    /// That speed, 1/min, negative counterclockwise.
+    told: f64,
+    /// Since this cycle.
+    since: u64,
+    /// It has had it since.
+    reached: bool,
+    /// For so many cycles it has not had it any more.
+    off: u64,
+}
+
+impl KeptSpeed {
+    /// Takes what is told in a cycle, and whether it turns so; for how many cycles it has not, after it has.
+    fn take(&mut self, cycle: u64, told: f64, reaches: bool, has: bool) -> u64 {
+        if told != self.told {
+            *self = Self {
+                told,
+                since: cycle,
+                ..Self::default()
+            };
+        }
+        self.reached |= reaches && told != 0.0;
+        self.off = if self.reached && !has {
+            self.off + 1
+        } else {
+            0
+        };
+        self.off
+    }
+}
+
 /// How the spindle has turned lately.
 #[derive(Clone, Debug)]
 pub(super) struct SpindleWatch {
@@ -55,6 +89,7 @@ pub(super) struct SpindleWatch {
     period: f64,
     /// Cycles in a row in which it has turned as it was told.
     at_speed: u32,
+    kept: KeptSpeed,
     /// How it turns, as of the SYNC of this cycle.
     angle: AngleObserver,
     angle_cycle: u64,
@@ -69,6 +104,7 @@ impl SpindleWatch {
             most,
             period: layout.cycle.as_secs_f64(),
             at_speed: 0,
+            kept: KeptSpeed::default(),
             angle: AngleObserver::new(layout.cycle.as_secs_f64(), layout.spindle_resolution()),
             angle_cycle: 0,
         }
@@ -158,15 +194,49 @@ impl<const N: usize> Controller<N> {
         let Some((spindle, sample)) = self.layout.spindle.zip(self.sample_spindle()) else {
             return false;
         };
-        let SpindleSpec {
-            drive,
-            fastest,
-            tolerance,
-            ..
-        } = spindle;
         let speed = turning(self.switches.functions.spindle);
-        let window = (tolerance * speed.abs()).max(LEAST_WINDOW * fastest);
-        self.nodes[drive].is_fresh() && (sample.speed - speed).abs() <= window
+        let fresh = self.nodes[spindle.drive].is_fresh();
+        fresh && (sample.speed - speed).abs() <= spindle.window(speed)
+    }
+
+    /// Looks whether the spindle keeps its speed where the path cuts. Where an input tells that it does not, the path is held.
+    ///
+    /// # Errors
+    /// Its drive has measured for too long that it does not.
+    pub(super) fn watch_cutting_speed(&mut self) -> Result<(), Fault> {
+        let told = turning(self.switches.functions.spindle);
+        let (reaches, has) = match self.layout.spindle {
+            Some(_) => (self.is_spindle_at_speed(), self.turns_as_told()),
+            None => {
+                let on = self.tells_at_speed();
+                let since = self.cycle.saturating_sub(self.spindle.kept.since);
+                (on && since >= self.cycles(AT_SPEED_BEFORE), on)
+            }
+        };
+        let off = self.spindle.kept.take(self.cycle, told, reaches, has);
+        if off <= self.cycles(self.layout.speed_loss) || !self.cuts() {
+            return Ok(());
+        }
+        if let Some((spindle, sample)) = self.layout.spindle.zip(self.sample_spindle()) {
+            return Err(Fault::SpindleSpeed {
+                speed: sample.speed,
+                told,
+                allowed: spindle.window(told),
+            });
+        }
+        if self.state().allows(Request::FeedHold) {
+            // Who goes on without it does so until it comes again.
+            self.spindle.kept.reached = false;
+            self.tell(Event::SpeedLost);
+            self.hold_path();
+        }
+        Ok(())
+    }
+
+    /// Whether the path moves at a feed.
+    fn cuts(&self) -> bool {
+        let plan = &self.planned;
+        self.phase == Phase::Program && plan.speed > 0.0 && plan.feed.is_finite() && !plan.off_path
     }
 
     /// Whether the spindle stands, or nobody is to wait for it any longer.

@@ -34,6 +34,9 @@ impl<const N: usize> Controller<N> {
                 self.fail(fault);
             }
         }
+        if let Err(fault) = self.watch_cutting_speed() {
+            self.fail(fault);
+        }
     }
 
     fn check_drive(&mut self, drive: usize, phase: Phase, now: Instant) -> Result<(), Fault> {

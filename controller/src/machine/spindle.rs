@@ -18,6 +18,8 @@ pub struct Spindle {
     /// A speed is reached after so long, or within so long where an input tells when it is. A drive goes from rest to
     /// the greatest speed in this time.
     pub ramp: Duration,
+    /// A cut may go on for so long after the speed is lost, where an input or a drive tells of it.
+    pub loss: Duration,
     /// What turns it, where that is a drive on a bus.
     pub drive: Option<SpindleDrive>,
 }
@@ -116,6 +118,9 @@ impl SpinUp {
     }
 }
 
+/// A cut may go on for so long without its speed, ms.
+const LOSS: i64 = 200;
+
 /// Longest ramp, ms.
 const MOST_RAMP: i64 = 600_000;
 
@@ -126,6 +131,7 @@ const TOLERANCE: f64 = 0.05;
 pub(super) struct SpindleTable {
     speeds: (f64, f64),
     ramp: Duration,
+    loss: Duration,
     turned: Option<Turned>,
 }
 
@@ -147,6 +153,7 @@ pub(super) fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Spindl
         speed >= 0.0
     });
     let ramp = table.integer_or(log, "ramp_ms", 0, 0..=MOST_RAMP, " (ms)");
+    let loss = table.integer_or(log, "speed_loss_ms", LOSS, 20..=10_000, " (ms)");
     if let (Some(least), Some(most)) = (&least, &most)
         && least.get_ref() > most.get_ref()
     {
@@ -168,6 +175,7 @@ pub(super) fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Spindl
             *most?.get_ref(),
         ),
         ramp: Duration::from_millis(ramp as u64),
+        loss: Duration::from_millis(loss as u64),
         turned,
     })
 }
@@ -233,11 +241,13 @@ impl SpindleTable {
         let Self {
             speeds,
             ramp,
+            loss,
             turned,
         } = self;
         let mut spindle = Spindle {
             speeds,
             ramp,
+            loss,
             drive: None,
         };
         if let (Some((table, bus)), Some(turned)) = (drive, turned) {

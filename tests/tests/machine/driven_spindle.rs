@@ -416,6 +416,171 @@ fn a_fault_of_an_axis_stops_it() {
     assert_eq!(speeds(&rig), [0.0, 2400.0, 0.0]);
 }
 
+// --- it keeps its speed in a cut ---
+
+/// What `speed_loss_ms` is where it is left out, s.
+const LOSS: f64 = 0.2;
+/// Its speed is the mean of the last 20 ms.
+const AVERAGED: f64 = 0.02;
+
+/// Whether the path cuts with the spindle on, in a row.
+fn cuts(row: &Row<COORDINATES>) -> bool {
+    let feeds = row.plan.speed > 0.0 && row.plan.feed.is_finite() && !row.plan.off_path;
+    feeds && row.functions.spindle.turning != Turning::Off
+}
+
+fn off_its_speed(row: &Row<COORDINATES>) -> bool {
+    let window = (TOLERANCE * wanted(row).abs()).max(0.001 * FASTEST);
+    (measured(row) - wanted(row)).abs() > window
+}
+
+/// For how many rows up to the first in which the tool may not cut any longer the spindle has been off its speed; none
+/// if it may to the end.
+fn first_bad_cut(rig: &Rig, loss: f64) -> Option<usize> {
+    let most = (loss / rig.machine.cycle.as_secs_f64()).round() as usize;
+    let (mut told, mut right, mut reached, mut off) = (0.0, 0, false, 0);
+    rig.rows.iter().position(|row| {
+        if wanted(row) != told {
+            (told, right, reached, off) = (wanted(row), 0, false, 0);
+        }
+        right = if off_its_speed(row) { 0 } else { right + 1 };
+        reached |= right >= 25 && told != 0.0;
+        off = if reached && off_its_speed(row) {
+            off + 1
+        } else {
+            0
+        };
+        off > most && cuts(row)
+    })
+}
+
+fn lost_its_speed(fault: &Fault) -> bool {
+    matches!(fault, Fault::SpindleSpeed { .. })
+}
+
+/// Held by the material, or with a motor that pulls no longer.
+#[test]
+fn a_cut_whose_spindle_falls_away_stops_on_the_path() {
+    for hinders in [Disturbance::Block(true), Disturbance::LoseTorque(true)] {
+        let mut rig = drill(CUT);
+        rig.run_to_row(400);
+        rig.twin(SPINDLE).disturb(hinders);
+        let before = rig.rows.len();
+        let fault = rig.finish_with_fault();
+        let Fault::SpindleSpeed { speed, told, .. } = fault else {
+            panic!("{fault:?}")
+        };
+        assert!(told == 2400.0 && speed < 2400.0 - 72.0, "{fault:?}");
+        let text = fault.describe(&*rig.layout);
+        assert!(
+            text.contains("in a cut, told were 2400 ± 72 1/min"),
+            "{text}"
+        );
+        let bad = first_bad_cut(&rig, LOSS).unwrap();
+        let waited = (bad - before) as f64 * rig.machine.cycle.as_secs_f64();
+        assert!(waited >= LOSS, "{waited} s");
+        if matches!(hinders, Disturbance::Block(_)) {
+            assert!(waited <= LOSS + AVERAGED, "{waited} s");
+        }
+        // It slows down at once, and no axis leaves the line for it.
+        let slower = rig.rows[bad..bad + 4].last().unwrap().plan.speed;
+        assert!(slower < rig.rows[bad].plan.speed, "{slower} mm/s");
+        assert!(rig.rows[before..].iter().all(|row| !row.axes[0].by_itself));
+        assert_eq!(speeds(&rig), [0.0, 2400.0, 0.0]);
+        rig.trace().assert_within_limits();
+        assert!(rig.ends_at_rest());
+    }
+}
+
+/// On a machine that stays on it is an operator's: reset, and the block that was not completed.
+#[test]
+fn the_cut_is_resumed_after_the_reset() {
+    let mut rig = begun(FROM_NEAR);
+    rig.run_until(|rig| rig.session.status().setpoint[0] > 20.0);
+    rig.twin(SPINDLE).disturb(Disturbance::Block(true));
+    settle(&mut rig);
+    assert_eq!(state(&rig), State::Faulted);
+    assert!(lost_its_speed(&rig.controller().faults()[0]));
+    rig.twin(SPINDLE).disturb(Disturbance::Block(false));
+    go(&mut rig, Command::Reset);
+    assert_eq!(rig.session.status().interrupted, Some(3));
+    go(&mut rig, Command::Resume);
+    go(&mut rig, Command::CycleStart);
+    assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+    assert_eq!(rig.session.status().setpoint[0], 60.0);
+}
+
+const LOSS_OF_A_SECOND: (&str, &str) =
+    ("tolerance = 0.03", "tolerance = 0.03\nspeed_loss_ms = 1000");
+
+/// What is over within the time stops nothing.
+#[test]
+fn a_knock_is_no_loss() {
+    let mut rig = drill_with(&[LOSS_OF_A_SECOND], CUT, |_, _| ());
+    for row in [400, 1200] {
+        rig.run_to_row(row);
+        rig.twin(SPINDLE).disturb(Disturbance::Block(true));
+        rig.run_to_row(row + 50);
+        assert!(off_its_speed(rig.rows.last().unwrap()));
+        rig.twin(SPINDLE).disturb(Disturbance::Block(false));
+    }
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+}
+
+/// Rapids go on; the first cut behind them does not even begin to dig in.
+#[test]
+fn a_rapid_is_no_cut() {
+    let program = "G21 G90 G61\nM3 S2400\nG1 X10 F6000\nG0 X150\nX-150\nX150\nG1 X140\nM2\n";
+    let blocked_at = |rig: &mut Rig| {
+        rig.run_until(|rig| {
+            rig.rows
+                .last()
+                .is_some_and(|row| row.plan.position[0] > 20.0)
+        });
+        rig.twin(SPINDLE).disturb(Disturbance::Block(true));
+    };
+    let mut rig = drill(program);
+    blocked_at(&mut rig);
+    let fault = rig.finish_with_fault();
+    assert!(lost_its_speed(&fault), "{fault:?}");
+    let last = rig.rows.last().unwrap().plan.position[0];
+    assert!((149.99..=150.0).contains(&last), "{last} mm");
+
+    let mut rig = drill(program);
+    blocked_at(&mut rig);
+    rig.run_until(|rig| {
+        rig.rows
+            .last()
+            .is_some_and(|row| row.plan.position[0] < -100.0)
+    });
+    rig.twin(SPINDLE).disturb(Disturbance::Block(false));
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+}
+
+/// Who goes on where it did not come to its speed has decided so: it is watched once it has had it.
+#[test]
+fn an_operator_may_cut_without_its_speed() {
+    let mut rig = drill(TWO_SPEEDS);
+    rig.twin(SPINDLE).disturb(Disturbance::Block(true));
+    rig.run_until(is_not_at_speed);
+    rig.command(Command::CycleStart);
+    rig.run_until(|rig| {
+        rig.rows
+            .last()
+            .is_some_and(|row| row.plan.position[0] > 19.999)
+    });
+    rig.twin(SPINDLE).disturb(Disturbance::Block(false));
+    rig.run_until(|rig| {
+        rig.rows
+            .last()
+            .is_some_and(|row| row.plan.position[0] > 25.0)
+    });
+    rig.twin(SPINDLE).disturb(Disturbance::Block(true));
+    // 10 mm at 20 mm/s.
+    let fault = rig.finish_with_fault();
+    assert!(lost_its_speed(&fault), "{fault:?}");
+}
+
 // --- what it measures ---
 
 /// Position and speed of each SYNC are those of the rotor, across the end of 6064h, either way round.
@@ -568,6 +733,46 @@ proptest! {
         let mut again = drill(&text);
         again.finish();
         prop_assert_eq!(rig.frames(), again.frames());
+    }
+
+    /// Whatever the program, and whenever it is held up for how long: the path stops in the very cycle in which it has been
+    /// off its speed for too long in a cut, and in no other.
+    #[test]
+    fn it_stops_exactly_where_a_cut_has_lost_its_speed(
+        lines in prop::collection::vec(line(), 4..16),
+        knocks in prop::collection::vec((50..600usize, 1..200usize), 1..4),
+        loss in select(vec![20u32, 50, 200, 500]),
+    ) {
+        let (text, _) = program(&lines, "G61");
+        let key = format!("tolerance = 0.03\nspeed_loss_ms = {loss}");
+        let mut rig = drill_with(&[("tolerance = 0.03", &key)], &text, |_, _| ());
+        let mut stopped = None;
+        rig.goes_on = true;
+        for (after, lasts) in knocks {
+            for (rows, blocks) in [(after, true), (lasts, false)] {
+                let until = rig.rows.len() + rows;
+                while rig.rows.len() < until && rig.step() {
+                    let is_faulty = !rig.controller().faults().is_empty();
+                    stopped = stopped.or(is_faulty.then_some(rig.rows.len()));
+                }
+                rig.twin(SPINDLE).disturb(Disturbance::Block(blocks));
+            }
+        }
+        while rig.step() {
+            let is_faulty = !rig.controller().faults().is_empty();
+            stopped = stopped.or(is_faulty.then_some(rig.rows.len()));
+        }
+        let bad = first_bad_cut(&rig, f64::from(loss) / 1e3);
+        match (rig.end().unwrap(), bad) {
+            (End::Fault(fault), Some(bad)) => {
+                prop_assert!(lost_its_speed(&fault), "{:?}", fault);
+                let after = stopped.unwrap() - bad;
+                prop_assert!(after <= 2, "{} rows later", after);
+            }
+            (End::Finished, None) => {}
+            (end, bad) => prop_assert!(false, "{:?}, row {:?} of {}", end, bad, text),
+        }
+        assert_let_go_at_rest(&mut rig);
     }
 
     /// Whenever and however it is lost.

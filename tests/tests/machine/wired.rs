@@ -452,6 +452,51 @@ fn a_spindle_that_does_not_reach_its_speed_is_the_operators() {
     assert_eq!(rig.finish(), End::Finished);
 }
 
+/// In a cut that is a feed hold, in a rapid it is nothing; who goes on without it does so until it comes again.
+#[test]
+fn a_spindle_that_loses_its_speed_in_a_cut_holds_the_path() {
+    let mut rig = spindle("G21 G90 F6000\nM3 S1000\nG1 X300\nG0 X0\nM2\n");
+    let told = |rig: &Rig| {
+        let lost = rig
+            .events
+            .iter()
+            .filter(|event| **event == Event::SpeedLost);
+        lost.count()
+    };
+    set(&mut rig, PART, true);
+    rig.run_until(|rig| x(rig) > 50.0);
+    let cycle = rig.machine.cycle.as_secs_f64();
+    // What is over within 200 ms is nothing.
+    set(&mut rig, PART, false);
+    goes_on_after(&mut rig, (0.19 / cycle) as usize);
+    set(&mut rig, PART, true);
+    rig.run_until(|rig| x(rig) > 80.0);
+    assert_eq!(told(&rig), 0);
+    set(&mut rig, PART, false);
+    let lost = rig.rows.len();
+    rig.run_until(|rig| told(rig) == 1);
+    let waited = (rig.rows.len() - lost) as f64 * cycle;
+    assert!((0.2..0.21).contains(&waited), "{waited} s");
+    rig.run_until(|rig| speed(rig) == 0.0);
+    assert!(rig.events.contains(&Event::Held), "{:?}", rig.events);
+    goes_on_after(&mut rig, 200);
+    assert_eq!(speed(&rig), 0.0);
+    // It goes on without, and is watched again from where the input came.
+    rig.command(Command::Resume);
+    rig.run_until(|rig| x(rig) > 150.0);
+    set(&mut rig, PART, true);
+    goes_on_after(&mut rig, 10);
+    set(&mut rig, PART, false);
+    rig.run_until(|rig| told(rig) == 2);
+    rig.run_until(|rig| speed(rig) == 0.0);
+    set(&mut rig, PART, true);
+    rig.command(Command::Resume);
+    rig.run_until(|rig| x(rig) > 299.999);
+    set(&mut rig, PART, false);
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    assert_eq!(told(&rig), 2);
+}
+
 #[test]
 fn without_an_input_a_cut_waits_for_the_ramp() {
     let ramp = (

@@ -100,6 +100,7 @@ fn row(fault: &Fault) -> (Subject, Row) {
         Fault::Program => (Subject::Machine, ("program", OnPath)),
         Fault::Unreferenced(_) | Fault::Homing(..) => (Subject::Machine, ("unreferenced", OnPath)),
         Fault::Thread { .. } => (Subject::Machine, ("thread", OnPath)),
+        Fault::SpindleSpeed { .. } => (Subject::Machine, ("a spindle off its speed", OnPath)),
         Fault::Probing { .. } | Fault::Touched => (Subject::Machine, ("probing", OnPath)),
     }
 }
