@@ -40,8 +40,8 @@ const PARTS: [(u32, Part); 16] = [
 /// Random programs for a machine.
 pub(super) fn draw(dice: &mut Dice, machine: &MachineSpec) -> Vec<String> {
     let mut writer = Writer {
-        at: machine.axes.iter().map(rest).collect(),
-        axes: machine.axes.clone(),
+        at: on_path(machine).map(rest).collect(),
+        axes: on_path(machine).cloned().collect(),
         lines: vec!["G17 G21 G90 G94".to_owned()],
         labels: 0,
         dice: Dice::new(dice.seed(), 0),
@@ -72,8 +72,8 @@ pub(super) fn special(dice: &mut Dice, machine: &MachineSpec) -> Option<Vec<Stri
         return None;
     }
     let mut writer = Writer {
-        at: machine.axes.iter().map(rest).collect(),
-        axes: machine.axes.clone(),
+        at: on_path(machine).map(rest).collect(),
+        axes: on_path(machine).cloned().collect(),
         lines: vec!["G17 G21 G90 G94".to_owned()],
         labels: 0,
         dice: dice.clone(),
@@ -89,6 +89,30 @@ pub(super) fn special(dice: &mut Dice, machine: &MachineSpec) -> Option<Vec<Stri
     }
     writer.push("M2");
     Some(writer.lines)
+}
+
+/// The axes that follow a path.
+fn on_path(machine: &MachineSpec) -> impl Iterator<Item = &AxisSpec> {
+    machine.axes.iter().filter(|axis| !axis.goes)
+}
+
+/// Has programs move axes that go point to point, in between.
+pub(super) fn go(dice: &mut Dice, machine: &MachineSpec, programs: &mut [Vec<String>]) {
+    for axis in machine.axes.iter().filter(|axis| axis.goes) {
+        let [least, most] = axis.soft_limits;
+        for program in &mut *programs {
+            for _ in 0..dice.whole(0..=3) {
+                let to = rounded(dice.between(least, most), DECIMALS).clamp(least, most);
+                let place = dice.whole(1..=program.len() as u32) as usize;
+                // Neither behind its end nor between words that hold for what stands there alone.
+                let before = &program[place - 1];
+                let alone = ["G91", "G93", "G41", "G42", "M2", "M30"];
+                if !alone.iter().any(|word| before.contains(word)) {
+                    program.insert(place, format!("G0 {}{to}", axis.letter));
+                }
+            }
+        }
+    }
 }
 
 /// Where a simulated axis stands when it is switched on.

@@ -45,7 +45,15 @@ static RECORDED: LazyLock<Vec<Recorded>> = LazyLock::new(|| {
         }
     }
     recorded.push(switching());
-    recorded.push(watched());
+    recorded.push(untroubled(|case, _| {
+        let mut axes = case.machine.axes.iter();
+        axes.any(|axis| axis.encoder.is_some())
+    }));
+    recorded.push(untroubled(|_, machine| streamed(machine).is_some()));
+    recorded.push(untroubled(|_, machine| {
+        let watched = machine.encoders.first().map(|encoder| encoder.axis);
+        stepper(machine).is_some_and(|drive| watched == Some(machine.drives[drive].axis))
+    }));
     recorded
 });
 
@@ -93,15 +101,38 @@ fn switching() -> Recorded {
     record(case)
 }
 
-/// A quiet case in which a program runs while an encoder watches an axis.
-fn watched() -> Recorded {
+/// A quiet case of a kind, in which a program runs.
+fn untroubled(is_kind: fn(&Case, &Machine) -> bool) -> Recorded {
     let quiet = (0..).map(Case::of).filter(|case| {
-        let mut axes = case.machine.axes.iter();
-        case.is_untroubled() && case.patience.is_some() && axes.any(|axis| axis.encoder.is_some())
+        case.is_untroubled()
+            && case.patience.is_some()
+            && is_kind(case, &case.machine.machine().unwrap())
     });
     let mut recorded = quiet.map(record);
     let moves = recorded.find(|it| it.played.summary.times.motion_s > 1.5);
     moves.unwrap()
+}
+
+/// The first drive that is sent velocities.
+fn streamed(machine: &Machine) -> Option<usize> {
+    (0..machine.drives.len()).find(|&drive| machine.closes_loop(machine.drives[drive].axis))
+}
+
+/// The first drive that is sent targets, and is asked for its position.
+fn stepper(machine: &Machine) -> Option<usize> {
+    let mut drives = machine.drives.iter();
+    drives.position(|drive| drive.model.name == "tsp10")
+}
+
+/// The first byte of the controlword in an R_PDO to a drive.
+fn told(recorded: &Recorded, drive: Option<usize>, seen: &Seen) -> Option<u8> {
+    let (drive, Seen::Frame { bus, sent }) = (drive?, seen) else {
+        return None;
+    };
+    let device = recorded.machine.device(drive);
+    let id = CanId::from(device.spec().r_pdos[0].cob_id);
+    let own = sent.frame.id() == id && *bus == recorded.machine.drives[drive].bus;
+    sent.frame.data().first().filter(|_| own).copied()
 }
 
 fn record(case: Case) -> Recorded {
@@ -327,7 +358,38 @@ fn commanded(seen: &Seen, data: [u8; 2]) -> Vec<Seen> {
 }
 
 /// Defects by the checker that has to find each.
-const DEFECTS: [(&str, &str, Change); 60] = [
+const DEFECTS: [(&str, &str, Change); 68] = [
+    (
+        "velocities",
+        "a velocity for a drive that is only ready",
+        |it, _, seen| match told(it, streamed(&it.machine), seen) {
+            Some(0x06) => vec![with_setpoint(seen, 3)],
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "velocities",
+        "a velocity far beyond what the axis may have",
+        |it, planting, seen| match told(it, streamed(&it.machine), seen) {
+            Some(0x0F) if planting.once() => vec![with_setpoint(seen, i32::MAX)],
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "velocities",
+        "a shaft that turns without a velocity",
+        |it, planting, seen| match (seen, streamed(&it.machine)) {
+            (Seen::Woken(woken), Some(drive)) if planting.running > 100 => {
+                let mut woken = woken.clone();
+                woken.plants[drive].velocity = 1.0;
+                vec![Seen::Woken(woken)]
+            }
+            (_, drive) if planting.running > 100 && told(it, drive, seen).is_some() => {
+                vec![with_setpoint(seen, 0)]
+            }
+            _ => vec![seen.clone()],
+        },
+    ),
     (
         "setpoints",
         "one setpoint a tenth of a revolution off",
@@ -555,6 +617,16 @@ const DEFECTS: [(&str, &str, Change); 60] = [
             _ => vec![seen.clone()],
         },
     ),
+    (
+        "transitions",
+        "a machine whose axes follow a path begins anew as it stops",
+        |it, _, seen| match seen {
+            Seen::Told(Event::State(State::Stopping)) if stepper(&it.machine).is_none() => {
+                vec![seen.clone(), Seen::Told(Event::State(State::Starting))]
+            }
+            _ => vec![seen.clone()],
+        },
+    ),
     ("transitions", "off and on again", |_, _, seen| match seen {
         Seen::Told(Event::State(State::Off)) => {
             vec![seen.clone(), Seen::Told(Event::State(State::Starting))]
@@ -711,6 +783,19 @@ const DEFECTS: [(&str, &str, Change); 60] = [
         |it, planting, seen| match is_statusword(it, seen) && planting.running > 100 {
             true => Vec::new(),
             false => vec![seen.clone()],
+        },
+    ),
+    (
+        "reactions",
+        "a drive that no longer answers, and nobody minds",
+        |it, planting, seen| match (seen, stepper(&it.machine)) {
+            (Seen::Frame { bus, sent }, Some(drive)) if planting.running > 100 => {
+                let drive = &it.machine.drives[drive];
+                let answer = sent.frame.id() == CanId::from(CobId::t_sdo(drive.node));
+                let silent = answer && *bus == drive.bus;
+                (!silent).then(|| seen.clone()).into_iter().collect()
+            }
+            _ => vec![seen.clone()],
         },
     ),
     (
@@ -901,6 +986,22 @@ const DEFECTS: [(&str, &str, Change); 60] = [
     ),
     (
         "bus",
+        "a velocity that does not come",
+        |it, planting, seen| match told(it, streamed(&it.machine), seen) {
+            Some(_) if planting.once() => Vec::new(),
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "bus",
+        "a target that comes twice",
+        |it, planting, seen| match told(it, stepper(&it.machine), seen) {
+            Some(_) if planting.once() => vec![seen.clone(), seen.clone()],
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "bus",
         "a SYNC of somebody else's",
         |_, planting, seen| match seen {
             Seen::Frame { bus, sent } if is_sync(seen) && planting.once() => {
@@ -949,6 +1050,17 @@ const DEFECTS: [(&str, &str, Change); 60] = [
         |it, planting, seen| {
             let mut all = vec![seen.clone()];
             if !it.machine.encoders.is_empty() && planting.once() {
+                all.push(slip(it, 2.0));
+            }
+            all
+        },
+    ),
+    (
+        "encoders",
+        "a coupling of a stepper that slips while nobody looks",
+        |it, planting, seen| {
+            let mut all = vec![seen.clone()];
+            if stepper(&it.machine).is_some() && planting.once() {
                 all.push(slip(it, 2.0));
             }
             all

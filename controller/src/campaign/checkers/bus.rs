@@ -3,7 +3,8 @@
 //!
 //! A frame that is on its way is not interrupted. So beside a request by SDO and its answer the last
 //! setpoint of a cycle may come behind its SYNC where a bus is nearly full, which is why none is sent
-//! while anything moves; and what SYNC waits for is carried on top of a cycle.
+//! while anything moves; and what SYNC waits for is carried on top of a cycle. Where a drive is asked for
+//! its position all the time the bus has to have room for that in each cycle.
 
 use super::super::stage::Played;
 use super::{Checker, Found, Scene};
@@ -25,9 +26,13 @@ pub(super) struct Bus {
     requests: Vec<[bool; 2]>,
 }
 
-/// Whether a frame is a request by SDO or an answer to one.
-fn is_request(sent: &Transmission) -> bool {
-    matches!(sent.frame.id(), CanId::Standard(id) if matches!(id >> 7, 0xB | 0xC))
+/// Whether a frame is a request by SDO, or an answer to one, to or of a device that is not asked all the time.
+fn is_request(scene: &Scene<'_>, bus: usize, sent: &Transmission) -> bool {
+    let CanId::Standard(id) = sent.frame.id() else {
+        return false;
+    };
+    let asked = scene.drive_with(bus, (id & 0x7F) as u8);
+    matches!(id >> 7, 0xB | 0xC) && !asked.is_some_and(|drive| scene.is_polled(drive))
 }
 
 impl Bus {
@@ -53,7 +58,7 @@ impl Bus {
 
 impl Checker for Bus {
     fn frame(&mut self, scene: &Scene<'_>, bus: usize, sent: &Transmission, found: &mut Found) {
-        if is_request(sent) {
+        if is_request(scene, bus, sent) {
             self.request(scene, bus, found);
         }
         if sent.frame.id() != CanId::from(CobId::SYNC) {

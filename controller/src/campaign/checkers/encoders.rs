@@ -6,8 +6,7 @@
 use super::super::interference::Interference;
 use super::reactions::{SILENT, is_calm, is_up};
 use super::{Checker, Found, Scene};
-use crate::control::{self, Fault, fault::AxisCause};
-use crate::machine::Machine;
+use crate::control::{self, Fault, Phase, fault::AxisCause};
 use crate::session::Event;
 use syncline_canopen::{CanId, CobId, Instant};
 use syncline_drives::bus::Transmission;
@@ -16,6 +15,9 @@ const NAME: &str = "encoders";
 
 /// Cycles, beyond those for which a T_PDO may be missing, until a difference is told.
 const IN_TIME: u32 = 4;
+/// So much longer, s, and at rest, that is slower than so many rev/s, where a drive is asked for its position.
+const ASKED: f64 = 0.4;
+const AT_REST: f64 = 0.02;
 /// So many revolutions of the motor, and increments of an encoder that counts 4,096 a revolution, may be between what
 /// encoder and drives say at one SYNC.
 const MARGIN: (f64, f64) = (0.1, 2.0 / 4096.0);
@@ -32,11 +34,21 @@ struct Watched {
     slipped: f64,
     /// Since when that is more than allowed while axes may move.
     since: Option<Instant>,
+    /// A drive of its axis is asked for its position, which is held against it at rest alone.
+    waits_for_rest: bool,
 }
 
 impl Encoders {
-    pub(super) fn new(machine: &Machine) -> Self {
-        Self(vec![Watched::default(); machine.encoders.len()])
+    pub(super) fn new(scene: &Scene<'_>) -> Self {
+        let machine = scene.machine;
+        let watched = machine.encoders.iter().map(|encoder| {
+            let mut drives = machine.axes[encoder.axis].drives.iter();
+            Watched {
+                waits_for_rest: drives.any(|drive| scene.is_polled(*drive)),
+                ..Watched::default()
+            }
+        });
+        Self(watched.collect())
     }
 }
 
@@ -53,14 +65,15 @@ fn allowed(scene: &Scene<'_>, encoder: usize) -> (f64, f64) {
 
 impl Checker for Encoders {
     fn sync(&mut self, scene: &Scene<'_>, bus: usize, found: &mut Found) {
-        for (spec, watched) in scene.machine.encoders.iter().zip(&mut self.0) {
+        let drives = scene.machine.drives.len();
+        for (place, (spec, watched)) in scene.machine.encoders.iter().zip(&mut self.0).enumerate() {
             if spec.bus != bus {
                 continue;
             }
             watched.silent += 1;
             if !is_up(scene.state) || scene.faulted {
                 watched.silent = 0;
-            } else if watched.silent > scene.case.machine.t_pdo_misses + SILENT && is_calm(scene) {
+            } else if watched.silent > scene.misses(drives + place) + SILENT && is_calm(scene) {
                 watched.silent = 0;
                 let what = "nothing is done about a silent encoder";
                 found.violate(NAME, scene, what, || spec.name.clone());
@@ -110,12 +123,25 @@ impl Checker for Encoders {
     }
 
     fn woken(&mut self, scene: &Scene<'_>, found: &mut Found) {
-        let cycles = scene.case.machine.t_pdo_misses + IN_TIME;
-        let in_time = f64::from(cycles) * scene.period();
+        let drives = scene.machine.drives.len();
         for (encoder, watched) in self.0.iter_mut().enumerate() {
+            let cycles = scene.misses(drives + encoder) + IN_TIME;
+            let mut in_time = f64::from(cycles) * scene.period();
+            let mut is_compared = true;
+            let feedback = scene.machine.axes[scene.machine.encoders[encoder].axis].feedback;
+            if feedback.is_some_and(|it| it.closes_loop) && scene.phase <= Phase::Lock {
+                // Then the drive learns its place from the encoder.
+                watched.slipped = 0.0;
+            }
+            if watched.waits_for_rest {
+                in_time += ASKED;
+                let axis = scene.machine.encoders[encoder].axis;
+                let mut drives = scene.machine.axes[axis].drives.iter();
+                is_compared = drives.all(|it| scene.plants[*it].velocity.abs() < AT_REST);
+            }
             let (limit, margin) = allowed(scene, encoder);
             let is_over = watched.slipped.abs() > limit + margin;
-            if !is_over || !is_up(scene.state) || scene.faulted {
+            if !is_over || !is_compared || !is_up(scene.state) || scene.faulted {
                 watched.since = None;
             } else if scene.since(*watched.since.get_or_insert(scene.now)) > in_time
                 && is_calm(scene)

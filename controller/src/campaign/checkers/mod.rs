@@ -11,6 +11,7 @@
 //! - `alarms`: every fault told once, in time, with the right subject; none where nothing is wrong
 //! - `reactions`: what is done about each fault, in time, and which is told first
 //! - `answers`: every command is accepted or refused in time
+//! - `velocities`: drives that are sent velocities turn where they are told to, and no faster than there is reason for
 //! - `outputs`: switched in the program's order and at their place, safe after every stop
 //! - `bus`: SYNC on time, all setpoints or none, no bus fuller than full
 //! - `ending`: virtual time goes on, the machine goes off, and the observers agree
@@ -28,6 +29,7 @@ mod script;
 mod setpoints;
 mod stops;
 mod transitions;
+mod velocities;
 
 pub use scene::{DriveScene, Scene};
 pub use stops::StopTimes;
@@ -134,6 +136,7 @@ pub struct Checkers<'a> {
     outputs: outputs::Outputs,
     bus: bus::Bus,
     encoders: encoders::Encoders,
+    velocities: velocities::Velocities,
     ending: ending::Ending,
     /// What they found.
     pub found: Found,
@@ -154,7 +157,8 @@ impl<'a> Checkers<'a> {
             answers: answers::Answers::default(),
             outputs: outputs::Outputs::new(&scene),
             bus: bus::Bus::new(machine),
-            encoders: encoders::Encoders::new(machine),
+            encoders: encoders::Encoders::new(&scene),
+            velocities: velocities::Velocities::new(machine),
             ending: ending::Ending::default(),
             found: Found::default(),
             scene,
@@ -219,10 +223,11 @@ impl<'a> Checkers<'a> {
             outputs,
             bus,
             encoders,
+            velocities,
             ending,
             found,
         } = self;
-        let all: [&mut dyn Checker; 11] = [
+        let all: [&mut dyn Checker; 12] = [
             setpoints,
             motion,
             stops,
@@ -233,6 +238,7 @@ impl<'a> Checkers<'a> {
             outputs,
             bus,
             encoders,
+            velocities,
             ending,
         ];
         for checker in all {

@@ -124,6 +124,10 @@ impl Motion {
     fn shown(&mut self, scene: &Scene<'_>, found: &mut Found) {
         let follows = matches!(scene.phase, Phase::Program | Phase::Stop);
         for (index, axis) in scene.machine.axes.iter().enumerate() {
+            // Who is asked for a position says it some time later.
+            if scene.is_polled(axis.drives[0]) {
+                continue;
+            }
             let sides: Option<Vec<f64>> = axis.drives.iter().map(|it| scene.actual(*it)).collect();
             let is = &mut self.is[index];
             let Some(sides) = sides.filter(|_| scene.is_placed(index) && follows) else {
@@ -143,7 +147,11 @@ impl Motion {
                 .map(|(one, other)| (one - other).abs())
                 .fold(0.0, f64::max);
             let resolution = scene.machine.drives[axis.drives[0]].scaling.resolution();
-            let allowed = scene.uncertainty[index] + NOISE * resolution + between;
+            let encoder = axis.feedback.filter(|it| it.closes_loop);
+            let by_encoder = encoder.map_or(0.0, |it| {
+                2.0 * scene.machine.encoders[it.encoder].scaling.resolution()
+            });
+            let allowed = scene.uncertainty[index] + NOISE * resolution + between + by_encoder;
             let shown = scene.shown[index];
             if shown < least - allowed || shown > most + allowed {
                 found.violate(NAME, scene, "a position that is shown is another", || {

@@ -22,7 +22,7 @@ const QUICK_STOP: u16 = 0x0B;
 
 /// R_PDOs from where a cause shows, or is told, until its reaction is commanded.
 const IN_TIME: u32 = 2;
-/// SYNCs without an answer beyond those that are allowed until something is done.
+/// SYNCs without an answer, to them or to what is asked, beyond those that are allowed until something is done.
 pub(super) const SILENT: u32 = 3;
 
 /// A column of the table.
@@ -320,8 +320,8 @@ impl Reactions {
 
 impl Checker for Reactions {
     fn sync(&mut self, scene: &Scene<'_>, bus: usize, found: &mut Found) {
-        let allowed = scene.case.machine.t_pdo_misses + SILENT;
         for &drive in scene.drives_of(bus) {
+            let allowed = scene.misses(drive) + SILENT;
             let watched = &mut self.drives[drive];
             let told = scene.drives[drive].controlword;
             let is_to = told.is_some_and(|word| word & FOLLOWS == FOLLOWS);
@@ -340,6 +340,9 @@ impl Checker for Reactions {
     fn frame(&mut self, scene: &Scene<'_>, _: usize, _: &Transmission, found: &mut Found) {
         if let Some(drive) = scene.told_status {
             self.heard(scene, drive);
+        }
+        if let Some(drive) = scene.answered.filter(|drive| scene.is_polled(*drive)) {
+            self.drives[drive].silent = 0;
         }
         if let Some((drive, word)) = scene.told_controlword {
             self.commanded(scene, drive, word, found);

@@ -4,7 +4,7 @@ use super::super::case::Case;
 use super::super::interference::{Interference, ToBus, ToDrive};
 use super::super::stage::Woken;
 use crate::control::{self, Phase, State};
-use crate::machine::{HomingMethod, Machine};
+use crate::machine::{HomingMethod, Machine, Motion};
 use crate::observe::mapping::{Heard, PdoMappings};
 use crate::observe::sent::PositionObjects;
 use crate::session::Event;
@@ -16,6 +16,8 @@ use syncline_drives::twin::Observation;
 /// Controlword and statusword, as a mapping names them.
 const CONTROLWORD: u32 = 0x6040_0010;
 const STATUSWORD: u32 = 0x6041_0010;
+/// The target velocity.
+const VELOCITY: u32 = 0x60FF_0020;
 
 /// How things are.
 #[derive(Debug)]
@@ -58,6 +60,9 @@ pub struct Scene<'a> {
     pub told_status: Option<usize>,
     /// Which drive was sent a controlword by it.
     pub told_controlword: Option<(usize, u16)>,
+    /// Which drive answered a request by SDO with it.
+    pub answered: Option<usize>,
+    polled: Vec<usize>,
     buses: Vec<BusScene>,
 }
 
@@ -70,18 +75,20 @@ pub struct DriveScene {
     pub statusword: Option<u16>,
     /// What it said of itself by its last T_PDO that says so, as its model reads it.
     pub status: Option<DriveStatus>,
-    /// The last that it was sent, as the frame had it.
+    /// The last position along the path that it was sent, as the frame had it.
     pub setpoint: Option<Increments>,
-    /// R_PDOs with a setpoint since the last SYNC.
+    /// R_PDOs with a position, a target or a velocity since the last SYNC.
     pub came: u32,
     /// What it latched at the last SYNC, all of the position.
     pub latched: Option<Increments>,
-    /// R_PDOs with a setpoint that came between the last two SYNCs.
+    /// As many as came between the last two SYNCs.
     pub latched_of: u32,
     /// It was enabled and in its mode, as it said, when it latched.
     pub in_effect: bool,
     /// It was so at the SYNC before, too, and latched another setpoint then.
     pub moves: bool,
+    /// The last velocity that it was sent, in its own units.
+    pub velocity: Option<i32>,
 }
 
 #[derive(Debug)]
@@ -98,6 +105,8 @@ struct BusScene {
 struct Reader {
     device: Device,
     positions: PositionObjects,
+    /// It is sent targets, to which it goes by a profile of its own.
+    goes: bool,
 }
 
 impl Reader {
@@ -105,6 +114,7 @@ impl Reader {
         Self {
             device: machine.device(drive),
             positions: PositionObjects::of(machine, drive),
+            goes: machine.axes[machine.drives[drive].axis].motion == Motion::PointToPoint,
         }
     }
 
@@ -187,8 +197,31 @@ impl<'a> Scene<'a> {
             faulted: false,
             told_status: None,
             told_controlword: None,
+            answered: None,
+            polled: (0..machine.drives.len())
+                .filter(|drive| !machine.device(*drive).spec().answers_sync)
+                .collect(),
             buses: (0..machine.buses.len()).map(bus).collect(),
         }
+    }
+
+    /// Cycles for which a device that answers SYNC may fall silent, or one that is asked by SDO, before that is a fault.
+    #[must_use]
+    pub fn misses(&self, device: usize) -> u32 {
+        let stated = match self.is_polled(device) {
+            true => Some(self.machine.controller.heartbeat_timeout),
+            false => self.machine.position_loss(device),
+        };
+        let cycle = self.machine.cycle.as_nanos();
+        stated.map_or(self.case.machine.t_pdo_misses, |it| {
+            (it.as_nanos() / cycle) as u32 + 1
+        })
+    }
+
+    /// Whether a device is asked by SDO over and over, also while axes move, for what others tell by themselves.
+    #[must_use]
+    pub fn is_polled(&self, device: usize) -> bool {
+        self.polled.contains(&device)
     }
 
     /// Virtual time, s.
@@ -301,6 +334,10 @@ impl<'a> Scene<'a> {
         }
         let scenes = &mut self.drives;
         (self.told_status, self.told_controlword) = (None, None);
+        self.answered = (drives.iter().copied()).find(|drive| {
+            let node = self.machine.drives[*drive].node;
+            sent.frame.id() == CanId::from(CobId::t_sdo(node))
+        });
         for (&drive, reader) in drives.iter().zip(&mut *readers) {
             if let Some(status) = reader.status(&sent.frame) {
                 scenes[drive].status = Some(status);
@@ -318,9 +355,14 @@ impl<'a> Scene<'a> {
                         *controlword = Some((drives[node], value as u16));
                     }
                     STATUSWORD => drive.statusword = Some(value as u16),
+                    VELOCITY => {
+                        drive.velocity = Some(value as i32);
+                        drive.came += 1;
+                    }
                     _ => {
-                        if let Some(setpoint) = readers[node].positions.read(object, value) {
-                            drive.setpoint = Some(setpoint);
+                        let reader = &readers[node];
+                        if let Some(setpoint) = reader.positions.read(object, value) {
+                            drive.setpoint = Some(setpoint).filter(|_| !reader.goes);
                             drive.came += 1;
                         }
                     }

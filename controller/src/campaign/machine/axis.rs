@@ -10,6 +10,10 @@ use syncline_drives::model::{Address, Assumed, MODELS, Model};
 /// can follow, so who sets up a machine writes what the axis takes, where the controller does not.
 const QUICK_STOP_RAMP: Address = Address::new(0x6085, 0);
 
+/// A stepper controller, and what is written to it: its motor's current, mA, which is 400 mA after each power-on.
+pub(super) const STEPPER: &str = "tsp10";
+const STEPPER_SDO: &str = "[\"6075:0\", 5000]";
+
 /// An axis of one drive, or a gantry of two.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AxisSpec {
@@ -37,6 +41,12 @@ pub struct AxisSpec {
     /// What says where it is, beside its drives.
     #[serde(default)]
     pub encoder: Option<EncoderSpec>,
+    /// It goes point to point.
+    #[serde(default)]
+    pub goes: bool,
+    /// For how long its position may be missing, where the controller closes a loop about it, ms.
+    #[serde(default)]
+    pub position_loss: Option<u32>,
 }
 
 /// An encoder of an axis, by CiA 406.
@@ -54,6 +64,9 @@ pub struct EncoderSpec {
     pub zero: u32,
     /// How far it and the drives may be apart, mm or degrees.
     pub difference: f64,
+    /// It is what the controller closes the position loop by.
+    #[serde(default)]
+    pub closes_loop: bool,
 }
 
 /// A drive.
@@ -84,6 +97,7 @@ impl EncoderSpec {
             negative: dice.chance(0.5),
             zero: dice.whole(0..=100_000),
             difference: digits(travel * dice.between(0.15, 1.0)),
+            closes_loop: false,
         }
     }
 
@@ -173,7 +187,30 @@ impl AxisSpec {
             simulation: dice.chance(0.15).then(|| Self::simulation(dice)),
             homing: None,
             encoder: None,
+            goes: false,
+            position_loss: None,
         }
+    }
+
+    /// Whether its one drive may be another one: nothing is wired to it, and the axis is not homed.
+    pub(super) fn is_plain(&self) -> bool {
+        let is_free = |drive: &DeviceSpec| drive.wires.is_empty();
+        self.drives.len() == 1 && self.homing.is_none() && self.drives.iter().all(is_free)
+    }
+
+    /// Has its drive be of that model, which does not watch it.
+    pub(super) fn take_drive(&mut self, model: &str) {
+        self.drives[0].model = model.to_owned();
+        self.supervised = false;
+    }
+
+    /// Has it be moved by a stepping motor, which counts from where it is switched on, and has to be slow.
+    pub(super) fn take_stepper(&mut self) {
+        self.take_drive(STEPPER);
+        self.drives[0].zero = 0;
+        self.simulation = None;
+        self.velocity = self.velocity.min(digits(6.0 * self.travel));
+        self.acceleration = self.acceleration.min(digits(40.0 * self.travel));
     }
 
     /// A feed axis that a motor is at ease with.
@@ -265,6 +302,9 @@ impl AxisSpec {
                 drive.model,
                 drive.zero
             );
+            if drive.model == STEPPER {
+                let _ = writeln!(text, "sdo = [{STEPPER_SDO}]");
+            }
             if let Some(increments) = drive.ramped() {
                 let ramp = self.acceleration / self.travel * increments;
                 let _ = writeln!(text, "sdo = [[\"6085:0\", {}]]", ramp.ceil());
@@ -305,6 +345,15 @@ impl AxisSpec {
                 self.encoder_name(),
                 encoder.difference
             );
+            if encoder.closes_loop {
+                text.push_str("position_loop = \"encoder\"\n");
+            }
+        }
+        if self.goes {
+            text.push_str("motion = \"point_to_point\"\n");
+        }
+        if let Some(ms) = self.position_loss {
+            let _ = writeln!(text, "position_loss_ms = {ms}");
         }
         // The drives of an axis that is homed do not know its machine positions.
         if self.homing.is_none() {

@@ -3,6 +3,7 @@
 mod axis;
 mod wires;
 
+use axis::STEPPER;
 pub use axis::{AxisSpec, DeviceSpec, EncoderSpec};
 pub use wires::{IoSpec, Wire};
 
@@ -24,6 +25,39 @@ const CYCLES: [u32; 8] = [1000, 2000, 2000, 3000, 4000, 5000, 10_000, 20_000];
 
 /// Bit rates that are drawn, bit/s: slower buses hold no cycle of two drives.
 const BIT_RATES: [u32; 3] = [1_000_000, 500_000, 250_000];
+
+/// The model, beside the stepper, whose axes go point to point, and the shortest cycle that both take, µs.
+const GOER: &str = "tlc5xx";
+const LEAST_CYCLE: u32 = 2000;
+
+/// Axes that programs move along arcs and into holes.
+const PATH: [char; 3] = ['X', 'Y', 'Z'];
+
+/// A key of a model's table, and values of it.
+type Key = (&'static str, &'static [u32]);
+
+/// What makers of generic drives do in their own way, by the model's own keys and by those of all.
+const GENERIC: [(&str, &[Key]); 3] = [
+    (
+        "cia402_csp",
+        &[("mode", &[7, 8]), ("tells_following", &[0, 1])],
+    ),
+    (
+        "cia402_csv",
+        &[
+            ("interpolates", &[0, 1]),
+            ("tells_following", &[0, 1]),
+            ("velocity_units", &[0, 1, 10, 1000]),
+        ],
+    ),
+    ("cia402_pv", &[("velocity_units", &[0, 1, 10, 1000])]),
+];
+const COMMON: [Key; 4] = [
+    ("encoder_increments", &[16_384, 65_536, 1_048_576]),
+    ("r_pdo", &[1, 2, 3, 4]),
+    ("t_pdo", &[1, 2, 3, 4]),
+    ("pdos", &[2, 4]),
+];
 
 /// Draws of a machine until one fits its buses; then the simplest one is taken.
 const DRAWS: usize = 40;
@@ -47,6 +81,9 @@ pub struct MachineSpec {
     /// What its setpoints are not to excite.
     #[serde(default)]
     pub shaper: Option<ShaperSpec>,
+    /// What it says of models: whole tables.
+    #[serde(default)]
+    pub models: Vec<String>,
 }
 
 /// A shaper of a machine's setpoints.
@@ -96,6 +133,7 @@ impl MachineSpec {
             )],
             io_nodes: Vec::new(),
             shaper: None,
+            models: Vec::new(),
         }
     }
 
@@ -145,6 +183,7 @@ impl MachineSpec {
             axes,
             io_nodes: Vec::new(),
             shaper: None,
+            models: Vec::new(),
         };
         spec.number(dice);
         spec
@@ -259,20 +298,106 @@ impl MachineSpec {
             return;
         }
         let mut watched = self.clone();
-        let mut used: Vec<_> = self.nodes().collect();
-        for axis in watched.axes.iter_mut().filter(|it| it.homing.is_none()) {
-            if !dice.chance(0.5) {
-                continue;
+        for axis in 0..self.axes.len() {
+            if self.axes[axis].homing.is_none() && dice.chance(0.5) {
+                watched.give_encoder(dice, axis);
             }
-            let mut encoder = EncoderSpec::draw(dice, self.buses.len(), axis.travel);
-            while used.contains(&(encoder.bus, encoder.node)) {
-                encoder.node = dice.whole(1..=126) as u8;
-            }
-            used.push((encoder.bus, encoder.node));
-            axis.encoder = Some(encoder);
         }
         if watched.fits() {
             *self = watched;
+        }
+    }
+
+    fn give_encoder(&mut self, dice: &mut Dice, axis: usize) {
+        let used: Vec<_> = self.nodes().collect();
+        let mut encoder = EncoderSpec::draw(dice, self.buses.len(), self.axes[axis].travel);
+        while used.contains(&(encoder.bus, encoder.node)) {
+            encoder.node = dice.whole(1..=126) as u8;
+        }
+        self.axes[axis].encoder = Some(encoder);
+    }
+
+    /// Has the drives of some axes be sent velocities, with an encoder that closes the loop or without, and some axes go
+    /// point to point, where the buses have room for that.
+    pub(super) fn stream(&mut self, dice: &mut Dice) {
+        if !dice.chance(0.35) {
+            return;
+        }
+        let mut follow = self.axes.len();
+        for axis in 0..self.axes.len() {
+            if !self.axes[axis].is_plain() {
+                continue;
+            }
+            let mut changed = self.clone();
+            let others = !PATH.contains(&self.axes[axis].letter) && self.cycle_us >= LEAST_CYCLE;
+            if others && follow > 1 && dice.chance(0.6) {
+                changed.go(dice, axis);
+            } else if dice.chance(0.6) {
+                changed.close_loop(dice, axis);
+            }
+            if changed.fits() {
+                follow -= usize::from(changed.axes[axis].goes);
+                *self = changed;
+            }
+        }
+    }
+
+    /// Has an axis go point to point.
+    fn go(&mut self, dice: &mut Dice, axis: usize) {
+        let spec = &mut self.axes[axis];
+        spec.goes = true;
+        // What begins to count as it is switched on has to stand at 0, and learns its place from an encoder.
+        let begins = spec.soft_limits[0] <= 0.0 && spec.soft_limits[1] >= 0.0;
+        if !begins || dice.chance(0.4) {
+            return spec.take_drive(GOER);
+        }
+        spec.take_stepper();
+        if spec.encoder.is_none() {
+            self.give_encoder(dice, axis);
+        }
+    }
+
+    /// Has the drive of an axis be sent velocities, if there is one for this cycle.
+    fn close_loop(&mut self, dice: &mut Dice, axis: usize) {
+        let period = Duration::from_micros(self.cycle_us.into());
+        let models = MODELS.iter().filter(|model| {
+            let is_sent = model.is_sent(Setpoints::Velocities) && model.name != STEPPER;
+            is_sent && model.takes_cycle(period)
+        });
+        let models: Vec<&str> = models.map(|model| model.name).collect();
+        if models.is_empty() {
+            return;
+        }
+        let model: &str = dice.pick::<&str>(&models);
+        self.axes[axis].take_drive(model);
+        if self.axes[axis].encoder.is_none() && dice.chance(0.5) {
+            self.give_encoder(dice, axis);
+        }
+        let spec = &mut self.axes[axis];
+        if let Some(encoder) = &mut spec.encoder {
+            encoder.closes_loop = dice.chance(0.7);
+        }
+        let ms = dice.whole(1..=40) * self.cycle_us / 1000;
+        spec.position_loss = dice.chance(0.3).then_some(ms.clamp(1, 1000));
+    }
+
+    /// Has generic devices be as some maker's are.
+    pub(super) fn describe(&mut self, dice: &mut Dice) {
+        if !dice.chance(0.5) {
+            return;
+        }
+        let mut described = self.clone();
+        for (model, own) in GENERIC {
+            let mut table = format!("[model.{model}]\n");
+            for (key, values) in COMMON.iter().chain(own) {
+                if dice.chance(0.5) {
+                    let _ = writeln!(table, "{key} = {}", dice.pick(values));
+                }
+            }
+            described.models.push(table);
+        }
+        if described.fits() {
+            *self = described;
         }
     }
 
@@ -387,6 +512,10 @@ impl MachineSpec {
             let modes = modes.join(", ");
             let _ = write!(text, "\n[shaper]\nkind = \"{kind}\"\nmodes = [{modes}]\n");
         }
+        for table in &self.models {
+            text.push('\n');
+            text.push_str(table);
+        }
         if self.io_nodes.iter().any(|io| io.words) {
             text.push_str("\n[model.cia401]\ndigital_words = 1\n");
         }
@@ -421,6 +550,7 @@ mod tests {
     #[test]
     fn whatever_is_wired_is_good() {
         let (mut wires, mut homed, mut switches, mut encoders, mut shapers) = (0, 0, 0, 0, 0);
+        let (mut velocities, mut goers, mut steppers, mut loops, mut described) = (0, 0, 0, 0, 0);
         for seed in 0..300 {
             let mut spec = MachineSpec::draw(&mut Dice::new(seed, 0));
             spec.wire(&mut Dice::new(seed, 5));
@@ -428,6 +558,19 @@ mod tests {
             spec.home(&mut Dice::new(seed, 10));
             spec.watch(&mut Dice::new(seed, 11));
             spec.shape(&mut Dice::new(seed, 13));
+            spec.stream(&mut Dice::new(seed, 14));
+            spec.describe(&mut Dice::new(seed, 15));
+            let streamed = spec.axes.iter().filter(|it| !it.goes);
+            let streamed = streamed.filter(|it| {
+                let model = it.drives[0].model();
+                model.is_some_and(|model| model.is_sent(Setpoints::Velocities))
+            });
+            velocities += streamed.count();
+            goers += spec.axes.iter().filter(|it| it.goes).count();
+            let drives = spec.axes.iter().flat_map(|it| &it.drives);
+            steppers += drives.filter(|it| it.model == STEPPER).count();
+            loops += spec.encoders().filter(|it| it.closes_loop).count();
+            described += spec.models.len();
             encoders += spec.encoders().count();
             shapers += usize::from(spec.shaper.is_some());
             wires += spec.wires().count();
@@ -440,6 +583,10 @@ mod tests {
             wires > 300 && homed > 100 && switches > 50 && encoders > 50 && shapers > 20,
             "{wires} {homed} {switches} {encoders} {shapers}"
         );
+        assert!(
+            velocities > 50 && goers > 20 && steppers > 10 && loops > 20 && described > 100,
+            "{velocities} {goers} {steppers} {loops} {described}"
+        );
     }
 
     #[test]
@@ -451,8 +598,14 @@ mod tests {
             spec.home(&mut Dice::new(seed, 10));
             spec.watch(&mut Dice::new(seed, 11));
             spec.shape(&mut Dice::new(seed, 13));
+            spec.stream(&mut Dice::new(seed, 14));
             while spec.axes.len() > 1 {
-                spec.axes.remove(seed as usize % spec.axes.len());
+                let place = seed as usize % spec.axes.len();
+                // One axis at least follows the path.
+                if spec.axes.iter().filter(|it| !it.goes).count() == 1 && !spec.axes[place].goes {
+                    break;
+                }
+                spec.axes.remove(place);
                 spec.leave_out_unused_buses();
                 spec.machine()
                     .unwrap_or_else(|wrong| panic!("{seed}: {wrong}"));
