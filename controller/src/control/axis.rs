@@ -3,8 +3,10 @@
 mod position_loop;
 mod sample;
 mod squaring;
+mod test_move;
 
 pub use sample::AxisSample;
+pub(super) use test_move::Test;
 
 use super::fault::{AwaitedState, AxisCause, AxisIndex, DeviceIndex, Fault};
 use super::homing::{Edge, NotRecalled};
@@ -76,6 +78,11 @@ pub(super) struct AxisControl {
     sides: Vec<Side>,
     /// Its positions are machine positions.
     referenced: bool,
+    /// Its drives go as fast as they are sent, as far as is to be looked for: until then no loop of the controller's is
+    /// closed about it.
+    tested: bool,
+    /// Where its test move is.
+    test: Test,
     /// It was looked whether a reference from before holds.
     recalled: bool,
     /// Its drives can be sent on with the plan; otherwise it stays.
@@ -122,6 +129,8 @@ impl AxisControl {
             index,
             sides: spec.drives.iter().map(side).collect(),
             referenced: spec.homing.is_absolute(),
+            tested: spec.homing.test_move.is_none(),
+            test: Test::Idle,
             point_to_point: spec.point_to_point.then(Place::default),
             recalled: false,
             spec,
@@ -146,15 +155,21 @@ impl AxisControl {
         self.referenced
     }
 
+    /// Whether it is known where the axis is, also of one that is not to be moved before its test move.
+    fn is_placed(&self) -> bool {
+        self.referenced || self.spec.homing.tells_place()
+    }
+
     /// Its positions mean nothing any more.
     pub(super) fn forget_reference(&mut self) {
         self.referenced = false;
+        self.tested = self.spec.homing.test_move.is_none();
     }
 
     /// Whether one of its drives may not count any more as it did when it was referenced.
     pub(super) fn has_lost_count(&self, nodes: &[DeviceNode]) -> bool {
         let mut drives = self.spec.drives.iter();
-        let counts_on = self.spec.homing.is_absolute() || self.keeps_reference();
+        let counts_on = self.spec.homing.tells_place() || self.keeps_reference();
         let by_drive = matches!(self.spec.homing.method, HomingMethod::Drive(_));
         let is_lost = |node: &DeviceNode| node.has_lost_count() || by_drive && node.is_not_home();
         !counts_on && drives.any(|&drive| is_lost(&nodes[drive]))
@@ -208,7 +223,7 @@ impl AxisControl {
         for &drive in &self.spec.drives {
             let there = match self.loop_encoder() {
                 Some(encoder) => nodes[drive].increments(nodes[encoder].actual_mm())?,
-                None if self.referenced => continue,
+                None if self.is_placed() => continue,
                 None => nodes[drive].scaling().zero(),
             };
             let node = &mut nodes[drive];
@@ -413,7 +428,7 @@ impl AxisControl {
         if self.skewed(difference) && difference > taken_out {
             return Err(Fault::Axis(axis, AxisCause::Skew { difference }));
         }
-        if !self.referenced {
+        if !self.is_placed() {
             return Ok(f64::midpoint(least, most));
         }
         // The encoder's noise on a limit is not outside.
@@ -673,7 +688,7 @@ impl AxisControl {
             encoder,
             difference: allowed,
             ..
-        }) = self.spec.feedback.filter(|_| self.referenced)
+        }) = self.spec.feedback.filter(|_| self.is_placed())
         else {
             return Ok(());
         };

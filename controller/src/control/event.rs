@@ -124,6 +124,13 @@ pub enum Event {
         /// Of a gantry: how far the second side stood beyond the first, which is being taken out, mm.
         apart: f64,
     },
+    /// An axis has made its test move.
+    Tested {
+        /// Which axis.
+        axis: AxisIndex,
+        /// It went so many times as far as its drive was sent.
+        factor: f64,
+    },
     /// The sides of a gantry are further apart than they may be, as far as a homing takes out.
     Askew {
         /// Which axis.
@@ -535,6 +542,7 @@ impl Event {
             Self::Frozen { axis, .. }
             | Self::Referenced { axis, .. }
             | Self::Askew { axis, .. }
+            | Self::Tested { axis, .. }
             | Self::Unreferenced { axis, .. }
             | Self::Recalled { axis, .. }
             | Self::NotRecalled { axis, .. }
@@ -665,6 +673,9 @@ impl Event {
                 let (to, square) = (to.unwrap_or_default(), square.unwrap_or_default());
                 format!("axis {name} is homed{to}{square}")
             }
+            Self::Tested { factor, .. } => format!(
+                "axis {name} has made its test move, {factor:.4} times as far as its drive was sent"
+            ),
             Self::Askew { apart, .. } => format!(
                 "axis {name}: its sides are {:.3} {unit} apart: home it to take it square",
                 apart.abs()

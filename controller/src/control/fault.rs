@@ -317,6 +317,11 @@ pub enum AxisCause {
         /// What was allowed at its speed, mm.
         allowed: f64,
     },
+    /// In its test move it went another way than its drive was sent.
+    TestMove {
+        /// So many times as far; below 0 to the other side.
+        factor: f64,
+    },
     /// An actual position changed by more than an axis can move meanwhile.
     Jump {
         /// By how much, mm.
@@ -503,7 +508,8 @@ impl Fault {
             }
             AxisCause::NotAcknowledged { .. }
             | AxisCause::NotHalted { .. }
-            | AxisCause::LimitSwitch { .. } => return None,
+            | AxisCause::LimitSwitch { .. }
+            | AxisCause::TestMove { .. } => return None,
             AxisCause::FeedbackDifference { difference } => {
                 (difference.abs(), names.axis(axis).feedback?.difference)
             }
@@ -646,6 +652,10 @@ impl AxisCause {
             Self::FollowingError { error, allowed } => format!(
                 "axis {name}: following error {error:.4} {unit}, allowed {allowed} {unit}: look for a \
                  blocked axis, a weak loop or too high limits"
+            ),
+            Self::TestMove { factor } => format!(
+                "axis {name}: in its test move it went {factor:.3} times as far as its drive was sent: check the unit of its \
+                 velocity in [model.…] or in its description, its increments a turn, `pitch`, `gear` and `direction`"
             ),
             Self::Jump { distance, possible } => format!(
                 "axis {name}: an actual position jumped by {distance:.4} {unit}, {possible:.4} {unit} \

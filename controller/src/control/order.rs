@@ -88,6 +88,9 @@ pub enum Refusal {
     /// The sides of the axis with this coordinate are too far apart.
     #[error("the sides of axis {} are too far apart: home it to take it square", letter(*.0))]
     Askew(usize),
+    /// The axis with this coordinate has not made its test move.
+    #[error("axis {} has not made its test move: home it first", letter(*.0))]
+    Untested(usize),
     /// The axis with this coordinate knows where it is.
     #[error("axis {} has an absolute encoder: there is nothing to home", letter(*.0))]
     Absolute(usize),
@@ -273,6 +276,10 @@ impl<const N: usize> Controller<N> {
         let askew = askew.find(|it| it.askew(self.cycle).is_some() && moves(it.coordinate()));
         if let Some(axis) = askew {
             return Err(Refusal::Askew(axis.coordinate()));
+        }
+        let mut untested = self.axes.iter().filter(|axis| !axis.is_tested());
+        if let Some(axis) = untested.find(|axis| moves(axis.coordinate())) {
+            return Err(Refusal::Untested(axis.coordinate()));
         }
         let missing = self.axes.iter().filter(|axis| !axis.is_referenced());
         let mut missing = missing.map(|axis| axis.coordinate());

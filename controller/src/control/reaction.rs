@@ -186,6 +186,7 @@ impl Fault {
                 AxisCause::FeedbackDifference { .. } => Cause::Feedback,
                 AxisCause::LimitSwitch { .. } => Cause::LimitSwitch,
                 AxisCause::FollowingError { .. }
+                | AxisCause::TestMove { .. }
                 | AxisCause::NotThere { .. }
                 | AxisCause::NotAcknowledged { .. }
                 | AxisCause::NotHalted { .. } => Cause::FollowingError,
@@ -294,7 +295,7 @@ impl fmt::Display for Cause {
                  drives with one node id"
             }
             Self::PositionRange => "setpoint beyond what a drive can count",
-            Self::FollowingError => "following error",
+            Self::FollowingError => "following error, also in a test move",
             Self::Jump => "jump of an actual position",
             Self::Feedback => "difference between an axis' encoder and its drives",
             Self::LimitSwitch => "an axis moves further onto its limit switch, or its other one comes on",

@@ -55,6 +55,7 @@ impl<const N: usize> Controller<N> {
     fn check_axis(&mut self, axis: usize, phase: Phase) -> Result<(), Fault> {
         let patience = self.cycles(self.layout.state_timeout);
         let still = self.still_cycles();
+        let settling = self.test_settling();
         let Self { nodes, .. } = self;
         let index = axis;
         let axis = &mut self.axes[index];
@@ -74,6 +75,7 @@ impl<const N: usize> Controller<N> {
             let time = self.layout.cycle.as_secs_f64() * unhalted as f64;
             return Err(Fault::Axis(index, AxisCause::NotHalted { time }));
         }
+        axis.watch_test(self.cycle, settling, nodes)?;
         axis.check_jumps(nodes)?;
         axis.check_motion(self.cycle, &row.axes[axis.coordinate()], nodes)?;
         axis.check_feedback(nodes)

@@ -4,8 +4,10 @@
 //! until it is homed: then it is *referenced*, and its positions are machine positions.
 
 mod hard_stop;
+pub(super) mod test_move;
 
 pub use hard_stop::HardStopSearch;
+pub use test_move::TestMove;
 
 use super::signals::{Input, InputMeaning};
 
@@ -43,6 +45,8 @@ pub struct Homing {
     /// The encoders of an axis that is homed keep counting without power: its reference holds when it is switched on
     /// again and has moved by no more than this since, mm.
     pub moved_limit: Option<f64>,
+    /// The slow move with which each homing begins of an axis whose drive is sent velocities, if it is to.
+    pub test_move: Option<TestMove>,
 }
 
 /// How the two sides of a gantry are brought to where they belong.
@@ -60,7 +64,7 @@ pub struct Square {
 /// How an axis finds its place.
 #[derive(Clone, Debug, PartialEq)]
 pub enum HomingMethod {
-    /// Its encoder is absolute, with the drives' `zero`: it is always referenced.
+    /// Its encoder is absolute, with the drives' `zero`: it always knows where it is.
     Encoder,
     /// Where it stands when it is homed is this machine position, mm.
     SetHere {
@@ -135,14 +139,21 @@ impl Default for Homing {
             jog_distance: f64::INFINITY,
             square: None,
             moved_limit: None,
+            test_move: None,
         }
     }
 }
 
 impl Homing {
-    /// Whether the axis knows from the beginning where it is.
+    /// Whether the axis is referenced from the beginning.
     #[must_use]
     pub fn is_absolute(&self) -> bool {
+        self.tells_place() && self.test_move.is_none()
+    }
+
+    /// Whether its encoder tells from the beginning where the axis is.
+    #[must_use]
+    pub fn tells_place(&self) -> bool {
         self.method == HomingMethod::Encoder
     }
 
@@ -217,6 +228,20 @@ pub(super) struct HomingTable {
     own: Option<Range<usize>>,
     /// Where it has it search a hard stop.
     stop: Option<HardStopTable>,
+    /// Where it has it make a test move.
+    test: Option<Range<usize>>,
+}
+
+impl HomingTable {
+    /// Where the file has the axis make a test move.
+    pub(super) fn test_move(&self) -> Option<Range<usize>> {
+        self.test.clone()
+    }
+
+    /// Whether the axis has to find its place.
+    pub(super) fn searches(&self) -> bool {
+        !self.homing.tells_place()
+    }
 }
 
 /// What a `homing` looks like.
@@ -306,6 +331,8 @@ pub(super) fn read(
     if let Some(skew) = limits.skew {
         homing.square = Some(square(log, &mut table, limits, skew, method.as_ref()));
     }
+    let test = test_move::read(log, &mut table, position);
+    homing.test_move = test.as_ref().map(|(test, _)| *test);
     table.finish(log);
     Some(HomingTable {
         homing: Homing {
@@ -316,6 +343,7 @@ pub(super) fn read(
         latch,
         own,
         stop,
+        test: test.map(|(_, place)| place),
     })
 }
 
@@ -524,6 +552,7 @@ pub(super) fn join(
             latch,
             own,
             stop,
+            ..
         }) = table
         else {
             continue;

@@ -23,7 +23,7 @@ mod validation;
 
 pub use encoder::{Encoder, Feedback};
 pub use homing::{
-    DriveHoming, HardStopSearch, Homing, HomingMethod, HomingPolicy, Square, SwitchSearch,
+    DriveHoming, HardStopSearch, Homing, HomingMethod, HomingPolicy, Square, SwitchSearch, TestMove,
 };
 pub use io_node::IoNode;
 pub use node::{Node, Seat};

@@ -231,7 +231,8 @@ impl Tables {
                 let encoder = axis.feedback.as_ref().and_then(|it| it.find(&encoders));
                 if let Some(feedback) = &axis.feedback {
                     let models = own.iter().map(|&drive| drives[drive].model);
-                    feedback.check_loop(log, &axis.title(), models, axis.homing.is_some());
+                    let homes = axis.homing.as_ref().is_some_and(HomingTable::searches);
+                    feedback.check_loop(log, &axis.title(), models, homes);
                 }
                 axis.join(own, encoder)
             })
@@ -256,7 +257,10 @@ impl Tables {
             analog_outputs,
         } = signals;
         let wired = (&inputs[..], &places[..]);
-        let (homings, limit_switches): (_, Vec<_>) = rest.into_iter().unzip();
+        let (homings, limit_switches): (Vec<_>, Vec<_>) = rest.into_iter().unzip();
+        let test_moves: Vec<_> = (homings.iter())
+            .map(|table| table.as_ref().and_then(HomingTable::test_move))
+            .collect();
         limit_inputs::join(log, &mut axes, &limit_switches, wired);
         let joined = (&mut axes[..], &drives[..], cycle);
         homing::join(log, joined, homings, wired, &self.homing);
@@ -289,6 +293,7 @@ impl Tables {
         limit_inputs::check(log, &machine, &limit_switches);
         encoder::check(log, &machine, &stated);
         fits::check_loops(log, &machine, &named);
+        homing::test_move::check(log, &machine, &test_moves);
         fits::check_losses(log, &machine, &losses);
         fits::check_counts(log, &machine, &named);
         fits::check_setpoints(log, &machine, &named);

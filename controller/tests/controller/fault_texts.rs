@@ -224,6 +224,11 @@ texts! {
     "axis Y: following error 2.5000 mm, allowed 2 mm: look for a blocked axis, a weak loop or too \
      high limits";
 
+    Fault::Axis(_, AxisCause::TestMove { .. }),
+    Fault::Axis(1, AxisCause::TestMove { factor: -10.02 }),
+    "axis Y: in its test move it went -10.020 times as far as its drive was sent: check the unit of its velocity in \
+     [model.…] or in its description, its increments a turn, `pitch`, `gear` and `direction`";
+
     Fault::Axis(_, AxisCause::NotThere { .. }),
     Fault::Axis(1, AxisCause::NotThere { distance: 12.25 }),
     "axis Y: its drive did not get to where it was sent and is 12.2500 mm away, allowed 0.05 mm: look \

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 use syncline_controller::budget::{DoesNotFit, MachineBudget};
 use syncline_controller::machine::{
-    AnalogSource, HomingMethod, InputMeaning, Machine, Motion, OutputSwitch,
+    AnalogSource, HomingMethod, InputMeaning, Machine, Motion, OutputSwitch, TestMove,
 };
 use syncline_drives::model::{Increments, MODELS};
 use syncline_strict_toml::{Diagnostic, Invalid};
@@ -1031,6 +1031,60 @@ fn a_position_may_be_missing_where_the_controller_closes_a_loop_by_it() {
     let wrong = of("lxm32m", 20).unwrap_err();
     let told = "axis \"Y\": `position_loss_ms` is 20, and no loop of the controller has it";
     assert!(wrong.contains(told), "{wrong}");
+}
+
+#[test]
+fn a_test_move_is_made_where_it_can_be_measured() {
+    let of = |model: &str, homing: &str| {
+        let text = portal_with(
+            "node = 3\nmodel = \"lxm32m\"",
+            &format!("node = 3\nmodel = \"{model}\""),
+        );
+        let text = text
+            .replace("drive_following_error = true\n", "")
+            .replace("drive_soft_limits = true\n", "");
+        let axis = "[[axis]]\nname = \"Y\"\n";
+        assert!(text.contains(axis));
+        let stated = format!("{axis}homing = {{ {homing} }}\n");
+        parse(&text.replacen(axis, &stated, 1)).map_err(|wrong| wrong.to_string())
+    };
+    for test in [4.0, -0.7, 8.0] {
+        let homing = format!("kind = \"encoder\", test_move = {test:?}");
+        let machine = of("tlc5xx", &homing).unwrap();
+        let axis = machine.axes.iter().find(|axis| axis.name() == "Y").unwrap();
+        assert_eq!(axis.homing.test_move, Some(TestMove { distance: test }));
+        assert!(!axis.homing.is_absolute());
+    }
+    for (model, homing, told) in [
+        (
+            "lxm32m",
+            "kind = \"encoder\", test_move = 4.0",
+            "the controller closes no loop about the axis",
+        ),
+        (
+            "tlc5xx",
+            "kind = \"encoder\", test_move = 0.6",
+            "0.6 mm are too little to measure by",
+        ),
+        (
+            "tlc5xx",
+            "kind = \"encoder\", test_move = -8.1",
+            "a quarter of 8.1 mm is more than `following_error_limit_at_rest`",
+        ),
+        (
+            "tlc5xx",
+            "kind = \"set_here\", absolute = true, test_move = 4.0",
+            "with `absolute`, an axis that is referenced without being homed",
+        ),
+        (
+            "tlc5xx",
+            "kind = \"encoder\", test_move = 0.0",
+            "`test_move`",
+        ),
+    ] {
+        let wrong = of(model, homing).unwrap_err();
+        assert!(wrong.contains(told), "{homing}: {wrong}");
+    }
 }
 
 #[test]

@@ -322,18 +322,20 @@ const MODELS: [(&str, &str); 3] = [
     ("model = \"scale.toml\"", "scale"),
 ];
 
+/// What makes files of a folder elsewhere of the models of the example whose drives are sent velocities.
+pub(super) fn velocity_models() -> Vec<(&'static str, String)> {
+    let folder = root().join("examples/velocity");
+    let models = MODELS.iter().map(|(model, name)| {
+        let file = folder.join(format!("{name}.toml")).display().to_string();
+        (*model, format!("model = {file:?}"))
+    });
+    models.collect()
+}
+
 /// The example whose drives are sent velocities.
 fn velocity_with(program: &str, configure: impl Fn(usize, &mut Config)) -> Rig {
-    let folder = root().join("examples/velocity");
-    let models = MODELS.map(|(_, name)| {
-        format!(
-            "model = {:?}",
-            folder.join(format!("{name}.toml")).display().to_string()
-        )
-    });
-    let replacements: Vec<_> = (MODELS.iter().zip(&models))
-        .map(|((from, _), to)| (*from, &**to))
-        .collect();
+    let models = velocity_models();
+    let replacements: Vec<_> = models.iter().map(|(from, to)| (*from, &**to)).collect();
     Rig::new("velocity", &replacements, program, configure)
 }
 

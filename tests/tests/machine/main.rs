@@ -57,6 +57,7 @@ mod stepper;
 mod stops;
 mod sweep;
 mod switched;
+mod test_moves;
 mod threads;
 mod told_numbers;
 mod trajectory;

@@ -10,7 +10,8 @@ impl AxisControl {
     /// The velocity that the plan has on the way, led by the drive's lag, and what closes the loop about the
     /// position. The last sample is compared with where the axis should have been at its SYNC. While the
     /// next one is missing the axis is taken to go on as it is sent, which takes the loop's share off their difference
-    /// in each cycle. When it is missing for longer than it may the drive follows the plan alone.
+    /// in each cycle. When it is missing for longer than it may the drive follows the plan alone, as it does until it has
+    /// made its test move.
     pub(super) fn velocity(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
         let node = &nodes[self.spec.drives[side]];
         let Some(dynamics) = node.dynamics() else {
@@ -23,7 +24,7 @@ impl AxisControl {
         let planned = (there - before) / self.period;
         let telling = &nodes[self.telling(side)];
         let left = 1.0 - dynamics.gain * self.period;
-        let error = if telling.is_fresh() {
+        let error = if telling.is_fresh() && self.tested {
             let seen = self.following_error(cycle - 1, side, nodes);
             (0..telling.age()).fold(seen, |error, _| error * left)
         } else {

@@ -21,10 +21,12 @@ mod by_drive;
 mod failure;
 mod hard_stop;
 mod switch;
+mod test_move;
 
 pub use failure::{HomingFailure, LostReference, NotRecalled};
 pub(super) use switch::Edge;
 
+use super::axis::Test;
 use super::fault::{AxisCause, AxisIndex, DeviceCause, Fault};
 use super::{Controller, Event, Phase, Refusal, event_sink};
 use crate::machine::HomingMethod;
@@ -204,7 +206,7 @@ impl<const N: usize> Controller<N> {
                 let difference = apart.abs();
                 return Err(Fault::Axis(axis, AxisCause::Skew { difference }));
             }
-            if !policy.unreferenced_jobs {
+            if !policy.unreferenced_jobs || !self.axes[axis].is_tested() {
                 return Err(Fault::Unreferenced(axis));
             }
         }
@@ -321,10 +323,12 @@ impl<const N: usize> Controller<N> {
         for index in 0..self.axes.len() {
             let axis = &mut self.axes[index];
             let method = &self.layout.axes[index].homing.method;
-            let searches = matches!(
-                method,
-                HomingMethod::Switch(_) | HomingMethod::HardStop(_) | HomingMethod::Drive(_)
-            );
+            let searches = !axis.is_tested()
+                || matches!(
+                    method,
+                    HomingMethod::Switch(_) | HomingMethod::HardStop(_) | HomingMethod::Drive(_)
+                );
+            axis.cut_test_off();
             if under_way && searches && has(self.homing.group, index) && axis.is_referenced() {
                 axis.forget_reference();
                 let why = LostReference::CutOff;
@@ -373,6 +377,7 @@ impl<const N: usize> Controller<N> {
         for axis in (0..layout.axes.len()).filter(|&axis| has(group, axis)) {
             self.homing.searches[axis] = Search::new(layout.axes[axis].drives.len());
             self.homing.by_drive[axis] = ByDrive::default();
+            self.axes[axis].await_test();
             self.homing.hard_stops[axis] = match layout.axes[axis].homing.method {
                 HomingMethod::HardStop(_) => HardStop::new(),
                 _ => HardStop::default(),
@@ -413,7 +418,8 @@ impl<const N: usize> Controller<N> {
         let layout = Arc::clone(&self.layout);
         let elapsed = self.layout.cycle * (self.cycle - self.homing.began) as u32;
         let at_work = (0..layout.axes.len()).filter(|&axis| has(self.homing.group, axis));
-        let quiet = at_work.clone().all(|axis| self.homing.is_quiet(axis));
+        let rests = |axis| self.homing.is_quiet(axis) && self.axes[axis].test() == Test::Idle;
+        let quiet = at_work.clone().all(rests);
         let mut drives = at_work.flat_map(|axis| &layout.axes[axis].drives);
         let answered = drives.all(|&drive| self.nodes[drive].is_sequence_done());
         for (index, axis) in layout.axes.iter().enumerate() {
@@ -421,6 +427,9 @@ impl<const N: usize> Controller<N> {
                 continue;
             }
             let failed = |failure| (index, failure);
+            if !self.step_test(index).map_err(failed)? {
+                continue;
+            }
             let how = match &axis.homing.method {
                 HomingMethod::Switch(how) => how,
                 HomingMethod::Drive(_) | HomingMethod::HardStop(_) => {
@@ -556,6 +565,13 @@ impl<const N: usize> Controller<N> {
             let here = self.planned.position[axis.coordinate];
             let around = |distance: f64| (here - distance, here + distance);
             let (min, max) = match &axis.homing.method {
+                _ if self.axes[index].test() != Test::Idle => {
+                    let test = axis.homing.test_move;
+                    if let Some(test) = test {
+                        [acceleration, jerk] = test.ramps(limits);
+                    }
+                    around(test.map_or(0.0, |test| test.distance.abs()))
+                }
                 HomingMethod::Switch(how) if self.homing.stage == Stage::Searching => {
                     around(how.max_distance)
                 }
@@ -595,7 +611,10 @@ impl<const N: usize> Controller<N> {
             }
             let axis = &mut self.axes[index];
             let uncertainty = match &self.layout.axes[index].homing.method {
-                HomingMethod::Encoder => None,
+                HomingMethod::Encoder => {
+                    axis.trust();
+                    None
+                }
                 HomingMethod::Drive(_) => {
                     axis.reference([Some(by_drive::ZERO), None], &mut self.nodes)?;
                     axis.forget_motion();
@@ -611,7 +630,11 @@ impl<const N: usize> Controller<N> {
                     Some(axis.reference(edges, &mut self.nodes)?)
                 }
             };
-            position[axis.coordinate()] = axis.reseat(&self.nodes);
+            let of = &self.layout.axes[index];
+            // Of one drive whose encoder tells its place no position changes.
+            if !(of.homing.tells_place() && of.drives.len() == 1) {
+                position[axis.coordinate()] = axis.reseat(&self.nodes);
+            }
             let apart = axis.square(self.cycle + 1);
             self.tell(Event::Referenced {
                 axis: index,
