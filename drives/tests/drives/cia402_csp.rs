@@ -31,10 +31,11 @@ impl Bench<Twin> {
         self.received(0, CobId::emcy(id(NODE)).get()).pop()
     }
 
-    /// Mode 8, a period of 10 ms, R_PDO2 at SYNC, Operational and enabled.
+    /// In its mode, a period of 10 ms, R_PDO2 at SYNC, Operational and enabled.
     fn following(config: TwinConfig) -> Self {
+        let mode = config.mode as u8;
         let mut bench = Self::of([Twin::new(config)]);
-        bench.write(NODE, 0x6060, 0, &[8]).unwrap();
+        bench.write(NODE, 0x6060, 0, &[mode]).unwrap();
         bench.write(NODE, 0x60C2, 1, &[10]).unwrap();
         bench.nmt(nmt::Command::Start, NODE);
         assert_eq!(bench.command(0x06), State::ReadyToSwitchOn);
@@ -136,6 +137,28 @@ fn it_is_a_period_behind_and_rests_without_a_target() {
     bench.cycles(20, 0x0F, end);
     assert!((bench.position() - end).abs() < 60);
     assert_ne!(bench.statusword() & 0x0400, 0, "within its window");
+}
+
+/// In Cyclic Synchronous Velocity it goes from one velocity to the next in a straight line within the period; where it is
+/// told not to, whatever 60C2h says, it goes there at once, and is half a period's way ahead for good, however its loops lag.
+#[test]
+fn a_velocity_is_reached_within_the_period_or_at_once() {
+    // A tenth of a revolution a second.
+    let velocity = 104_858;
+    let [in_a_line, at_once] = [true, false].map(|interpolates| {
+        let mut config = TwinConfig::new(id(NODE));
+        config.mode = 9;
+        config.policies.interpolates = interpolates;
+        let mut bench = Bench::following(config);
+        let start = bench.position();
+        bench
+            .write(NODE, 0x60FF, 0, &i32::to_le_bytes(velocity))
+            .unwrap();
+        bench.cycles(20, 0x0F, start);
+        f64::from(bench.position() - start) / (0.01 * f64::from(velocity))
+    });
+    let ahead = at_once - in_a_line;
+    assert!((ahead - 0.5).abs() < 0.05, "{in_a_line}, {at_once}");
 }
 
 #[test]
