@@ -102,9 +102,14 @@ pub enum Action {
     Message(String),
     /// Rest until an input of the machine is there (M66).
     AwaitInput(InputWait),
-    /// Come to rest and tell what the inputs and outputs of the machine are (`#<_hal[…]>`). The program goes on once
-    /// that is known.
-    ReadSignals,
+    /// Rest, and keep what an input of the machine is there (M66 L0).
+    TakeInput(TakenInput),
+    /// Come to rest and tell what the inputs and outputs of the machine are (`#<_hal[…]>`), and what the last M66 found
+    /// (`#5399`). The program goes on once that is known.
+    ReadSignals {
+        /// It is the latter that is asked for.
+        input_result: bool,
+    },
     /// How the path is followed from here on (G61, G61.1, G64).
     PathMode(PathMode),
     /// The end of the program (M2, M30, closing `%`, end of file): always the last command.
@@ -171,6 +176,8 @@ pub const DIGITAL_INPUTS: usize = 64;
 pub const DIGITAL_OUTPUTS: usize = 64;
 /// Analog outputs that a program can name: E 0 … 3.
 pub const ANALOG_OUTPUTS: usize = 4;
+/// Analog inputs of M66: E0 to E7.
+pub const ANALOG_INPUTS: usize = 8;
 
 /// What an M-code does to the machine's outputs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -277,6 +284,15 @@ pub struct InputWait {
     pub until: Until,
     /// Within this time; Q.
     pub within: Duration,
+}
+
+/// An input of which M66 L0 keeps what it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TakenInput {
+    /// P: a digital one, below [`DIGITAL_INPUTS`].
+    Digital(u8),
+    /// E: an analog one, below [`ANALOG_INPUTS`].
+    Analog(u8),
 }
 
 /// What an input has to do; L of M66.

@@ -151,15 +151,18 @@ pub enum Fault {
     )]
     SignalSet(String),
     #[error(
-        "what #<_hal[…]> is cannot be known while G41 or G42 is on, as that reads ahead: set a parameter to it \
+        "what #<_hal[…]> and #5399 are cannot be known while G41 or G42 is on, as that reads ahead: set a parameter to it \
          before"
     )]
     ReadCompensated,
     #[error(
-        "#5399 is not known while the program is read: M66 leaves the path at rest where its input \
-         does not come"
+        "what M66 found is known only where a block names #5399 itself: write it so, or set a parameter to it before"
     )]
     InputResult,
+    #[error(
+        "#5399 is of an M66 before the line at which the program was begun, and was not executed: begin before it"
+    )]
+    InputPassed,
     #[error("parameter {0} cannot be set: it shows the machine's state")]
     ParameterReadOnly(String),
     #[error("no result: a division by zero, or a value that the function is not defined for")]
@@ -208,6 +211,11 @@ pub enum Fault {
 
     #[error("the machine has no input {number}: give one `number = {number}` in the machine file")]
     NoSuchInput { number: u32 },
+
+    #[error(
+        "the machine has no analog input {number}: give one `number = {number}` and `full_scale` in the machine file"
+    )]
+    NoSuchAnalogInput { number: u32 },
 
     #[error("tool {number} is not in the tool table: add it, or set it with G10 L1 P{number}")]
     NoSuchTool { number: u32 },
@@ -344,7 +352,7 @@ pub enum Fault {
     )]
     ResumeElsewhere { line: u32 },
     #[error(
-        "line {line} is behind a block with #<_hal[…]>, and what that would read is not known: begin where that \
+        "line {line} is behind a block with #<_hal[…]> or #5399, and what that would read is not known: begin where that \
          is, or before"
     )]
     BeginRead { line: u32 },

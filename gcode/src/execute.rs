@@ -19,7 +19,7 @@ use super::lexer::Columns;
 use super::messages::message;
 use super::modal::{Code, Group, Modes, ProgrammedFeed};
 use super::names::is_signal;
-use super::parameters::{self, Parameters};
+use super::parameters::{self, INPUT_RESULT, InputResult, Parameters};
 use super::saved::SavedModes;
 use super::spline::Nurbs;
 use super::words::{Words, out_of_range};
@@ -82,6 +82,8 @@ pub(crate) struct State {
     pub(crate) saved: Vec<Option<SavedModes>>,
     /// What the inputs and outputs of the machine are, where the block that is being executed reads them.
     pub(crate) signals: Option<Vec<f64>>,
+    /// Whether it is known what the last M66 found.
+    pub(crate) input_result: InputResult,
     /// Working memory: the values of an expression, and each setting's index and value.
     stack: Vec<f64>,
     settings: Vec<(f64, f64)>,
@@ -96,6 +98,7 @@ impl State {
             g92_applies: setup.memory.g92_applies,
             parameters: setup.memory.parameters.clone(),
             saved: vec![setup.memory.saved.clone()],
+            input_result: setup.memory.input_result,
             setup,
             compensated: Compensated::default(),
             series: Series::default(),
@@ -353,8 +356,12 @@ impl State {
 impl Scope for State {
     fn numbered(&self, index: f64) -> Result<f64, Fault> {
         let index = parameters::index(index)?;
-        if index == 5399 {
-            return Err(Fault::InputResult);
+        if index == INPUT_RESULT {
+            match self.input_result {
+                InputResult::Known => {}
+                InputResult::Asked => return Err(Fault::InputResult),
+                InputResult::Passed => return Err(Fault::InputPassed),
+            }
         }
         Ok(self
             .system(index)

@@ -5,8 +5,9 @@ use std::ops::Range;
 use super::block::Block;
 use super::error::{Fault, Refusal};
 use super::lexer::Columns;
-use super::messages::shows_signal;
+use super::messages::{shows_input_result, shows_signal};
 use super::names::is_signal;
+use super::parameters::INPUT_RESULT;
 
 /// How far apart two numbers may be and still be `EQ` (RS-274/NGC in LinuxCNC: 1e-6).
 const EQUAL: f64 = 1e-6;
@@ -186,6 +187,16 @@ impl Block {
     pub(crate) fn reads_signals(&self) -> bool {
         let mut comments = self.tokens.comments.iter();
         self.signals().next().is_some() || comments.any(|at| shows_signal(&self.text[at.clone()]))
+    }
+
+    /// Whether it reads or shows what the last M66 found, by `#5399`.
+    pub(crate) fn reads_input_result(&self) -> bool {
+        let reads = self.steps.windows(2).any(|steps| {
+            let number = matches!(steps[0].operation, Operation::Number(number) if number == INPUT_RESULT as f64);
+            number && matches!(steps[1].operation, Operation::Numbered)
+        });
+        let mut comments = self.tokens.comments.iter();
+        reads || comments.any(|at| shows_input_result(&self.text[at.clone()]))
     }
 
     /// The names of inputs and outputs that its expressions read.

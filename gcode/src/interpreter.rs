@@ -18,6 +18,7 @@ use super::flow::{At, Control};
 use super::lexer::Columns;
 use super::memory::Memory;
 use super::modal::Modes;
+use super::parameters::{INPUT_RESULT, InputResult};
 use super::probe::Probed;
 use super::source::{Input, Lines, MAX_LINE, Read1};
 use super::tables::Tables;
@@ -231,10 +232,14 @@ impl Interpreter {
     }
 
     /// Goes on with a block that reads inputs and outputs: what they are, in the order of
-    /// [`MachineNames::new`](super::MachineNames::new).
-    pub fn signals_read(&mut self, signals: Vec<f64>) {
+    /// [`MachineNames::new`](super::MachineNames::new); and what the last M66 found.
+    pub fn signals_read(&mut self, signals: Vec<f64>, input_result: f64) {
         self.awaits = None;
         self.state.signals = Some(signals);
+        if self.state.input_result == InputResult::Asked {
+            self.state.input_result = InputResult::Known;
+            self.state.parameters.show(INPUT_RESULT, input_result);
+        }
     }
 
     /// Offsets, reference points and tools as the program left them so far. The caller saves them
@@ -252,6 +257,7 @@ impl Interpreter {
             g92_applies: self.state.g92_applies,
             parameters: self.state.parameters.clone(),
             saved: self.state.saved[0].clone(),
+            input_result: self.state.input_result,
         };
         if self.program_ended {
             memory.end_program();
@@ -346,7 +352,7 @@ impl Interpreter {
             }
             match &command.action {
                 Action::Probe { .. } => return refuse(Fault::BeginProbed { line }),
-                Action::ReadSignals => return refuse(Fault::BeginRead { line }),
+                Action::ReadSignals { .. } => return refuse(Fault::BeginRead { line }),
                 Action::End => return refuse(Fault::ResumeElsewhere { line }),
                 action => passed.pass(action),
             }
@@ -368,7 +374,7 @@ impl Interpreter {
             self.step()?;
             let unknown = self.pending().find_map(|action| match action {
                 Action::Probe { .. } => Some(Fault::BeginProbed { line }),
-                Action::ReadSignals => Some(Fault::BeginRead { line }),
+                Action::ReadSignals { .. } => Some(Fault::BeginRead { line }),
                 _ => None,
             });
             if let Some(fault) = unknown {
@@ -398,6 +404,9 @@ impl Interpreter {
                 Fault::BeginNurbs { line },
             ));
         }
+        if self.state.input_result == InputResult::Asked {
+            self.state.input_result = InputResult::Passed;
+        }
         let at = self.state.at;
         let way = self.state.go_from(start)?;
         self.settled_at = at;
@@ -414,7 +423,12 @@ impl Interpreter {
 
     /// Whether it has to be known what inputs and outputs are before the block is executed, and it is not.
     pub(super) fn wants_signals(&self) -> bool {
-        self.state.signals.is_none() && self.block.reads_signals()
+        self.state.signals.is_none() && (self.block.reads_signals() || self.asks_input_result())
+    }
+
+    /// Whether the block names what the last M66 found, and that is not known.
+    fn asks_input_result(&self) -> bool {
+        self.state.input_result == InputResult::Asked && self.block.reads_input_result()
     }
 
     /// Goes on once it is known what inputs and outputs are where the path comes to rest for the block.
@@ -428,7 +442,8 @@ impl Interpreter {
             return Err(Refusal::new(self.block.columns(), Fault::ReadCompensated));
         }
         self.deferred = Some(deferred);
-        self.actions.push_back(Action::ReadSignals);
+        let input_result = self.asks_input_result();
+        (self.actions).push_back(Action::ReadSignals { input_result });
         self.settle(self.span())
     }
 
@@ -659,7 +674,7 @@ impl Iterator for Interpreter {
                 self.awaits = Some(Awaited::Homing);
                 (self.idle_at, true)
             }
-            Action::ReadSignals => {
+            Action::ReadSignals { .. } => {
                 self.awaits = Some(Awaited::Signals);
                 (self.idle_at, false)
             }

@@ -52,8 +52,8 @@ mod words;
 pub use arc::{Arc, Direction, Plane, RADIUS_RATIO, RADIUS_TOLERANCE};
 pub use axes::{Axis, AxisSet, Point};
 pub use command::{
-    ANALOG_OUTPUTS, Action, Command, Coolant, DIGITAL_INPUTS, DIGITAL_OUTPUTS, Feed, InputWait,
-    Output, PathMode, Probe, Span, Spindle, Stop, Turning, Until,
+    ANALOG_INPUTS, ANALOG_OUTPUTS, Action, Command, Coolant, DIGITAL_INPUTS, DIGITAL_OUTPUTS, Feed,
+    InputWait, Output, PathMode, Probe, Span, Spindle, Stop, TakenInput, Turning, Until,
 };
 pub use coordinates::WorkCoordinates;
 pub use cycles::Cycle;
@@ -95,6 +95,8 @@ pub struct Setup {
     pub typed: bool,
     /// Digital inputs that M66 can wait for: bit 0 is P0.
     pub inputs: u64,
+    /// Analog inputs that M66 can read: bit 0 is E0.
+    pub analog_inputs: u64,
     /// What can be read by name: `#<_hal[…]>`, `#<_ini[…]…>`.
     pub names: std::sync::Arc<MachineNames>,
     /// Whether the spindle's angle is measured, for G33.
@@ -130,6 +132,7 @@ impl Setup {
             memory: Memory::default(),
             typed: false,
             inputs: 0,
+            analog_inputs: 0,
             names: std::sync::Arc::default(),
             has_spindle_angle: false,
             has_probe: false,

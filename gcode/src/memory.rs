@@ -5,7 +5,7 @@ use super::axes::{Axis, Point};
 use super::command::{Coolant, PathMode, Turning};
 use super::coordinates::WorkCoordinates;
 use super::modal::{Modes, Motion};
-use super::parameters::Parameters;
+use super::parameters::{InputResult, Parameters};
 use super::saved::SavedModes;
 use super::tables::Tables;
 
@@ -17,6 +17,7 @@ pub struct Memory {
     pub(crate) tool_offset: Point,
     pub(crate) g92_applies: bool,
     pub(crate) parameters: Parameters,
+    pub(crate) input_result: InputResult,
     /// What M70 has saved outside of subroutines.
     pub(crate) saved: Option<SavedModes>,
 }

@@ -8,6 +8,7 @@ use std::fmt::Write as _;
 
 use super::expression::Scope;
 use super::names::is_signal;
+use super::parameters::INPUT_RESULT;
 
 /// What a comment tells the operator; `None` if it is for readers of the program alone. `stops`: the program
 /// waits for the operator at its block.
@@ -22,18 +23,32 @@ pub(crate) fn message(comment: &str, stops: bool, scope: &impl Scope) -> Option<
     Some(text).filter(|text| !text.is_empty())
 }
 
+/// The text of a comment that is a message with values of parameters; none of another one.
+fn text_with_values(comment: &str) -> &str {
+    match comment.split_once(',') {
+        Some((word, text)) if matches!(&*word.trim().to_ascii_uppercase(), "DEBUG" | "PRINT") => {
+            text
+        }
+        _ => "",
+    }
+}
+
 /// Whether a comment is a message that shows an input or output of the machine by its name.
 pub(crate) fn shows_signal(comment: &str) -> bool {
-    let Some((word, text)) = comment.split_once(',') else {
-        return false;
-    };
-    let shows_values = matches!(&*word.trim().to_ascii_uppercase(), "DEBUG" | "PRINT");
-    let mut names = text.split("#<").skip(1);
-    shows_values
-        && names.any(|name| {
-            name.split_once('>')
-                .is_some_and(|(name, _)| is_signal(&plain(name)))
-        })
+    let mut names = text_with_values(comment).split("#<").skip(1);
+    names.any(|name| {
+        name.split_once('>')
+            .is_some_and(|(name, _)| is_signal(&plain(name)))
+    })
+}
+
+/// Whether a comment is a message that shows what the last M66 found.
+pub(crate) fn shows_input_result(comment: &str) -> bool {
+    let mut numbers = text_with_values(comment).split('#').skip(1);
+    numbers.any(|behind| {
+        let digits = behind.bytes().take_while(u8::is_ascii_digit).count();
+        behind[..digits].parse() == Ok(INPUT_RESULT)
+    })
 }
 
 /// A name as expressions have it: lower case, without blanks.

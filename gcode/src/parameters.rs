@@ -10,6 +10,20 @@ const LAST: usize = 5602;
 /// `#1` to `#30` are a subroutine's own.
 const ARGUMENTS: usize = 30;
 
+/// What the last M66 found.
+pub(crate) const INPUT_RESULT: usize = 5399;
+
+/// Whether `#5399` is known.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum InputResult {
+    #[default]
+    Known,
+    /// The machine knows it, once it has come to the block that asks.
+    Asked,
+    /// Its M66 was passed, as the program was begun behind it.
+    Passed,
+}
+
 /// The number of a parameter.
 pub(crate) fn index(value: f64) -> Result<usize, Fault> {
     match whole(value, 1e-4) {

@@ -4,12 +4,13 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use super::command::{
-    ANALOG_OUTPUTS, Action, Coolant, DIGITAL_INPUTS, DIGITAL_OUTPUTS, InputWait, Output, Stop,
-    Turning, Until,
+    ANALOG_INPUTS, ANALOG_OUTPUTS, Action, Coolant, DIGITAL_INPUTS, DIGITAL_OUTPUTS, InputWait,
+    Output, Stop, TakenInput, Turning, Until,
 };
 use super::error::{Fault, Refusal};
 use super::execute::{DWELL_LIMIT, State, missing};
 use super::modal::{Code, Group};
+use super::parameters::InputResult;
 use super::words::{Words, out_of_range, whole};
 
 impl State {
@@ -126,39 +127,59 @@ impl State {
         }
         if let Some(code) = words.code(Group::Output) {
             commands.push_back(match code {
-                Code::M(66) => Action::AwaitInput(self.await_input(words, code)?),
+                Code::M(66) => {
+                    self.input_result = InputResult::Asked;
+                    self.input(words, code)?
+                }
                 _ => Action::Output(output(words, code)?),
             });
         }
         Ok(())
     }
 
-    /// What M66 waits for. What comes of it is not told to the program, so there is nothing that L0
-    /// and analog inputs would be for.
-    fn await_input(&self, words: &mut Words, code: Code) -> Result<InputWait, Refusal> {
+    /// What M66 waits for, or keeps.
+    fn input(&self, words: &mut Words, code: Code) -> Result<Action, Refusal> {
         let missing = |words: &Words, what| Err(missing(words, Group::Output, code, what));
+        let allowed = "an analog input from 0 to 7";
+        if let Some(number) = words.take_whole(b'E', code, 0..=ANALOG_INPUTS as u32 - 1, allowed)? {
+            if self.setup.analog_inputs >> number & 1 == 0 {
+                return Err(words.refuse(b'E', Fault::NoSuchAnalogInput { number }));
+            }
+            words.take_whole(b'L', code, 0..=0, "0, for what an analog input is there")?;
+            return Ok(Action::TakeInput(TakenInput::Analog(number as u8)));
+        }
         let allowed = "a digital input from 0 to 63";
         let Some(number) = words.take_whole(b'P', code, 0..=DIGITAL_INPUTS as u32 - 1, allowed)?
         else {
-            return missing(words, "P, the number of the input");
+            return missing(
+                words,
+                "P, the number of a digital input, or E, of an analog one",
+            );
         };
         if self.setup.inputs >> number & 1 == 0 {
             return Err(words.refuse(b'P', Fault::NoSuchInput { number }));
         }
-        let allowed = "1 comes on, 2 goes off, 3 is on, 4 is off";
-        let until = match words.take_whole(b'L', code, 1..=4, allowed)? {
+        let number = number as u8;
+        let allowed = "0 for what it is, 1 comes on, 2 goes off, 3 is on, 4 is off";
+        let until = match words.take_whole(b'L', code, 0..=4, allowed)? {
+            Some(0) => return Ok(Action::TakeInput(TakenInput::Digital(number))),
             Some(1) => Until::Rise,
             Some(2) => Until::Fall,
             Some(3) => Until::High,
             Some(_) => Until::Low,
-            None => return missing(words, "L: 1 comes on, 2 goes off, 3 is on, 4 is off"),
+            None => {
+                let what = "L: 0 for what it is, 1 comes on, 2 goes off, 3 is on, 4 is off";
+                return missing(words, what);
+            }
         };
         match words.take(b'Q', code)? {
-            Some(seconds) if (0.0..=DWELL_LIMIT).contains(&seconds) => Ok(InputWait {
-                number: number as u8,
-                until,
-                within: Duration::from_secs_f64(seconds),
-            }),
+            Some(seconds) if (0.0..=DWELL_LIMIT).contains(&seconds) => {
+                Ok(Action::AwaitInput(InputWait {
+                    number,
+                    until,
+                    within: Duration::from_secs_f64(seconds),
+                }))
+            }
             Some(seconds) => {
                 let allowed = "a time from 0 to 1000000 s";
                 Err(words.refuse(b'Q', out_of_range('Q', seconds, allowed)))

@@ -285,6 +285,7 @@ impl Shape {
             homing: HomingPolicy::default(),
             inputs: Vec::new(),
             outputs: Vec::new(),
+            analog_inputs: Vec::new(),
             analog_outputs: Vec::new(),
         }
     }

@@ -10,7 +10,7 @@ use super::{Controller, Event, Goal, HomingFailure, Phase, Request, State};
 use crate::machine::{AnalogSource, Input, InputMeaning, MOST_INPUTS, OutputSwitch};
 use std::sync::Arc;
 use std::time::Duration;
-use syncline_gcode::Until;
+use syncline_gcode::{ANALOG_INPUTS, TakenInput, Until};
 
 /// An input by its place in the machine file.
 pub type InputIndex = usize;
@@ -80,8 +80,10 @@ pub enum Signal {
     Input(InputIndex),
     /// A digital output, by what switches it.
     Output(OutputSwitch),
+    /// An analog input.
+    AnalogInput(usize),
     /// An analog output, by what it puts out.
-    Analog(AnalogSource),
+    AnalogOutput(AnalogSource),
 }
 
 /// What the inputs and outputs are where the program reads them.
@@ -91,11 +93,14 @@ pub struct SignalLevels {
     pub number: u32,
     /// A bit for each input.
     inputs: [u64; MOST_INPUTS.div_ceil(64)],
+    analog_inputs: [f64; ANALOG_INPUTS],
     outputs: MachineFunctions,
+    /// What the last M66 found: `#5399`.
+    pub input_result: f64,
 }
 
 impl SignalLevels {
-    /// What one of them is: 1 for on, 0 for off, or the value of an analog output.
+    /// What one of them is: 1 for on, 0 for off, or the value of an analog one.
     #[must_use]
     pub fn of(&self, signal: Signal) -> f64 {
         let on = match signal {
@@ -103,7 +108,8 @@ impl SignalLevels {
             // Programs run while drives are enabled.
             Signal::Output(OutputSwitch::EnableChain) => true,
             Signal::Output(switch) => self.outputs.is_on(switch),
-            Signal::Analog(source) => return self.outputs.value(source),
+            Signal::AnalogInput(index) => return self.analog_inputs[index],
+            Signal::AnalogOutput(source) => return self.outputs.value(source),
         };
         f64::from(u8::from(on))
     }
@@ -201,17 +207,50 @@ impl<const N: usize> Controller<N> {
         open.map(|(index, _)| index)
     }
 
-    /// What the inputs and outputs are, for the program's reading with this number; the path goes on.
+    /// What the inputs and outputs are, for the program's reading with this number; the path goes on. In a hold an operator
+    /// may change them, so that it waits.
     pub(super) fn read_signals(&mut self, number: u32) {
+        if self.executor.is_held() {
+            return;
+        }
         let mut levels = SignalLevels {
             number,
             inputs: [0; MOST_INPUTS.div_ceil(64)],
+            analog_inputs: self.analog_inputs(),
+            input_result: self.input_result,
             outputs: self.switches.functions,
         };
         for index in (0..self.layout.inputs.len()).filter(|&index| self.inputs.is_on(index)) {
             levels.inputs[index / 64] |= 1 << (index % 64);
         }
         self.signals_read = Some(levels);
+        self.executor.pass();
+    }
+
+    /// What the analog inputs are, in the order of the machine file.
+    pub(super) fn analog_inputs(&self) -> [f64; ANALOG_INPUTS] {
+        let mut values = [0.0; ANALOG_INPUTS];
+        for (value, input) in values.iter_mut().zip(&self.layout.analog_inputs) {
+            *value = input.scaled(self.nodes[input.node].analog_input(input.place));
+        }
+        values
+    }
+
+    /// Keeps what an input is that the program names by its number; the path goes on, but in a hold.
+    pub(super) fn take_input(&mut self, input: TakenInput) {
+        if self.executor.is_held() {
+            return;
+        }
+        self.input_result = match input {
+            TakenInput::Digital(number) => {
+                f64::from(u8::from(self.is_any_on(InputMeaning::Program(number))))
+            }
+            TakenInput::Analog(number) => {
+                let mut inputs = self.layout.analog_inputs.iter();
+                let place = inputs.position(|input| input.number == number);
+                place.map_or(0.0, |place| self.analog_inputs()[place])
+            }
+        };
         self.executor.pass();
     }
 

@@ -2,6 +2,7 @@
 
 use super::{InputWait, Pause, PointToPoint, ProbeMove, Switch, ThreadMove, UserCall};
 use syncline_canopen::time::Duration;
+use syncline_gcode::TakenInput;
 use syncline_trajectory::path::Command as PathCommand;
 
 /// What the program feeds to the cycle.
@@ -60,6 +61,15 @@ pub enum StopPoint {
     AwaitInput {
         /// Which one, and what it has to do.
         wait: InputWait,
+        /// The program asks at once what came of it, so that it goes on where the input did not come.
+        asks: bool,
+        /// Program line.
+        line: u32,
+    },
+    /// The path goes on at once, and what an input is there is kept.
+    TakeInput {
+        /// Which one.
+        input: TakenInput,
         /// Program line.
         line: u32,
     },
@@ -122,6 +132,7 @@ impl StopPoint {
     pub fn works_on(&self) -> Option<u32> {
         match *self {
             Self::AwaitInput { line, .. }
+            | Self::TakeInput { line, .. }
             | Self::PointToPoint { line, .. }
             | Self::UserCode { line, .. }
             | Self::ReadSignals { line, .. }

@@ -70,6 +70,8 @@ pub struct Layout {
     pub probe_captures: Vec<Option<ProbeCaptures>>,
     /// Inputs, in the order of the machine file.
     pub inputs: Vec<machine::Input>,
+    /// The machine's analog inputs.
+    pub analog_inputs: Vec<machine::AnalogInput>,
     /// Outputs, in the order of the machine file.
     pub outputs: Vec<machine::Output>,
     /// Analog outputs, likewise.
@@ -168,6 +170,16 @@ impl SpindleSpec {
     pub(super) fn window(&self, speed: f64) -> f64 {
         (self.tolerance * speed.abs()).max(LEAST_WINDOW * self.fastest)
     }
+}
+
+/// By device, how it captures what a probing looks for, if it is to.
+fn probe_captures(machine: &Machine) -> Vec<Option<ProbeCaptures>> {
+    let devices = 0..machine.nodes().count();
+    let captures = devices.map(|device| {
+        let captures = ProbeCaptures::new(device, &machine.drives, &machine.inputs);
+        captures.filter(|_| machine.probing.latch)
+    });
+    captures.collect()
 }
 
 /// What a device counts by, and by how much it may move where it stands: at its axis, or turning the spindle.
@@ -316,13 +328,9 @@ impl Layout {
             retraction: machine.retraction,
             homing: machine.homing,
             probing: machine.probing,
-            probe_captures: (0..machine.nodes().count())
-                .map(|device| {
-                    let captures = ProbeCaptures::new(device, &machine.drives, &machine.inputs);
-                    captures.filter(|_| machine.probing.latch)
-                })
-                .collect(),
+            probe_captures: probe_captures(machine),
             inputs: machine.inputs.clone(),
+            analog_inputs: machine.analog_inputs.clone(),
             outputs: machine.outputs.clone(),
             analog_outputs: machine.analog_outputs.clone(),
         })

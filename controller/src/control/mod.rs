@@ -99,6 +99,7 @@ use std::sync::Arc;
 use syncline_canopen::response_time::{bit_time, worst_case_bits};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CobId, Frame, Instant, Transmit, nmt};
+use syncline_gcode::ANALOG_INPUTS;
 use syncline_trajectory::path::{Executor, Leg, Setpoint, Shaping};
 use threading::Threading;
 use user_codes::UserCalls;
@@ -156,6 +157,8 @@ pub struct Row<const N: usize> {
     pub functions: MachineFunctions,
     /// What the drive of the spindle measures, if one turns it.
     pub spindle: Option<SpindleSample>,
+    /// What the analog inputs are, in the order of the machine file.
+    pub analog_inputs: [f64; ANALOG_INPUTS],
     /// Program line of the block that is at work while the path rests for it.
     pub rests_for: Option<u32>,
 }
@@ -263,6 +266,8 @@ pub struct Controller<const N: usize> {
     probing: Probing<N>,
     /// What the job's last reading of inputs and outputs found.
     signals_read: Option<SignalLevels>,
+    /// What the last M66 found, of any job.
+    input_result: f64,
     threading: Threading<N>,
     switches: Switches,
     spindle: SpindleWatch,
@@ -345,6 +350,7 @@ impl<const N: usize> Controller<N> {
             positioning: None,
             probing: Probing::new(),
             signals_read: None,
+            input_result: 0.0,
             threading: Threading::new(),
             switches: Switches::new(&layout),
             spindle: SpindleWatch::new(&layout),

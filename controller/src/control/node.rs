@@ -15,8 +15,8 @@ use std::sync::Arc;
 use syncline_canopen::emcy::{self, Emergency};
 use syncline_canopen::{CanId, CobId, Frame, Instant, Transmit, heartbeat, nmt};
 use syncline_drives::model::{
-    Capture, Device, DriveStatus, Dynamics, Increments, Monitoring, OutOfRange, PowerCommand,
-    PowerState, Scaling, Setpoint, Survey, unwrapped,
+    ANALOG_INPUTS, Capture, Device, DriveStatus, Dynamics, Increments, Monitoring, OutOfRange,
+    PowerCommand, PowerState, Scaling, Setpoint, Survey, unwrapped,
 };
 
 /// A device in the cycle: what it last told, and what it is told next.
@@ -54,6 +54,8 @@ pub(super) struct DeviceNode {
     resetting: bool,
     /// Its digital inputs and outputs, off before they are first told.
     signals: u32,
+    /// What its analog inputs are.
+    analog_inputs: [i16; ANALOG_INPUTS],
     /// Its digital outputs as they are to be, where its R_PDOs carry them.
     outputs: u32,
     /// SYNCs since the one that its last T_PDOs answered; 0 if that was the last, or if they answer none.
@@ -110,6 +112,7 @@ impl DeviceNode {
             lost_count: false,
             resetting: false,
             signals: 0,
+            analog_inputs: [0; ANALOG_INPUTS],
             outputs: 0,
             age: spec.answers_sync.into(),
             misses: 0,
@@ -267,6 +270,11 @@ impl DeviceNode {
                 changed &= changed - 1;
             }
         }
+        if let Some(io) = self.device.io()
+            && let Some(inputs) = io.analog_inputs(t_pdo, data)
+        {
+            self.analog_inputs = inputs;
+        }
     }
 
     /// Tells the state of its power stage if that is another one.
@@ -310,6 +318,11 @@ impl DeviceNode {
     /// The level of one of its signals, once its T_PDOs have come.
     pub(super) fn signal(&self, signal: usize) -> Option<bool> {
         self.is_sampled().then(|| self.signals >> signal & 1 != 0)
+    }
+
+    /// What one of its analog inputs is, as it tells it; 0 before its T_PDOs have come.
+    pub(super) fn analog_input(&self, place: usize) -> i16 {
+        self.analog_inputs[place]
     }
 
     /// SYNCs since the one that its last T_PDO answered.

@@ -11,7 +11,11 @@ use crate::machine::InputMeaning;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Transmit, nmt};
 use syncline_drives::model::PowerCommand;
+use syncline_gcode::Until;
 use syncline_trajectory::path::Leg;
+
+/// `#5399` behind an M66 whose input did not come (RS-274/NGC in LinuxCNC).
+const NOT_IN_TIME: f64 = -1.0;
 
 impl<const N: usize> Controller<N> {
     /// Does what the phase has to do in this cycle, and goes on to the next one when it is
@@ -400,9 +404,10 @@ impl<const N: usize> Controller<N> {
             }
             None => {}
             Some(StopPoint::Rest) => self.executor.pass(),
-            Some(StopPoint::AwaitInput { wait, line }) if !self.pause_told => {
-                self.await_input(wait, line);
+            Some(StopPoint::AwaitInput { wait, asks, line }) if !self.pause_told => {
+                self.await_input(wait, asks, line);
             }
+            Some(StopPoint::TakeInput { input, .. }) => self.take_input(input),
             Some(StopPoint::UserCode { call, within, line }) if !self.pause_told => {
                 self.await_user_code(call, within, line);
             }
@@ -420,8 +425,6 @@ impl<const N: usize> Controller<N> {
             Some(StopPoint::Probe { line }) => self.begin_probing(line),
             Some(StopPoint::Thread { line }) => self.begin_thread(line),
             Some(StopPoint::Home { line }) => self.begin_program_homing(line),
-            // In a hold an operator may change them.
-            Some(StopPoint::ReadSignals { .. }) if self.executor.is_held() => {}
             Some(StopPoint::ReadSignals { number, .. }) => self.read_signals(number),
             Some(StopPoint::End) if self.stays_on => self.rest_after(Outcome::Finished),
             Some(StopPoint::Broken) if self.stays_on => self.rest_after(Outcome::Broken),
@@ -442,9 +445,18 @@ impl<const N: usize> Controller<N> {
     }
 
     /// The path goes on with the input that it rests for, or rests until an operator goes on.
-    fn await_input(&mut self, wait: InputWait, line: u32) {
-        match self.awaited(wait) {
+    fn await_input(&mut self, wait: InputWait, asks: bool, line: u32) {
+        let came = self.awaited(wait);
+        if let (Some(came), InputMeaning::Program(_)) = (came, wait.input) {
+            self.input_result = match wait.until {
+                _ if !came => NOT_IN_TIME,
+                Until::Rise | Until::High => 1.0,
+                Until::Fall | Until::Low => 0.0,
+            };
+        }
+        match came {
             Some(true) => self.executor.pass(),
+            Some(false) if asks => self.executor.pass(),
             Some(false) => {
                 self.pause_told = true;
                 let reason = match wait.input {

@@ -30,7 +30,7 @@ pub use node::{Node, Seat};
 pub use probing::{ProbeCaptures, Probing};
 pub(crate) use read::TURN;
 pub use signals::{
-    AnalogOutput, AnalogSource, Input, InputMeaning, MOST_INPUTS, Output, OutputSwitch,
+    AnalogInput, AnalogOutput, AnalogSource, Input, InputMeaning, MOST_INPUTS, Output, OutputSwitch,
 };
 pub use simulation::{Carriage, FeedAxis, Gantry, HomeSwitches, Simulation};
 pub(crate) use spindle::degrees_per_second;
@@ -95,6 +95,8 @@ pub struct Machine {
     pub validation: Validation,
     /// In the order of the file.
     pub inputs: Vec<Input>,
+    /// In the order of the file.
+    pub analog_inputs: Vec<AnalogInput>,
     /// In the order of the file.
     pub outputs: Vec<Output>,
     /// In the order of the file.
@@ -496,6 +498,7 @@ impl Machine {
             |signals: &mut dyn Iterator<Item = usize>| signals.fold(0, |bits, it| bits | 1 << it);
         let outputs = self.outputs.iter().filter(|output| output.node == index);
         let inputs = self.inputs.iter().filter(|input| input.node == index);
+        let analog_inputs = (self.analog_inputs.iter()).filter(|input| input.node == index);
         let analog = (self.analog_outputs.iter()).filter(|output| output.node == index);
         let safe = outputs
             .clone()
@@ -506,6 +509,7 @@ impl Machine {
             inputs: bits(&mut inputs.map(|input| input.signal)),
             outputs: bits(&mut outputs.map(|output| output.signal)),
             safe: bits(&mut safe.map(|output| output.signal)),
+            analog_inputs: bits(&mut analog_inputs.map(|input| input.place)),
             analog_outputs: analog
                 .map(|output| (output.place, output.scaled(output.safe)))
                 .collect(),

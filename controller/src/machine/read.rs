@@ -253,6 +253,7 @@ impl Tables {
         let signals = self.signals.join(log, wiring, spindle.as_ref());
         let Signals {
             inputs,
+            analog_inputs,
             outputs,
             analog_outputs,
         } = signals;
@@ -283,6 +284,7 @@ impl Tables {
             retraction,
             validation: self.validation,
             inputs,
+            analog_inputs,
             outputs,
             analog_outputs,
             user_codes: UserCodeTable::join(log, self.user_codes),

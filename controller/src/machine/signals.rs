@@ -1,5 +1,11 @@
 //! `[[input]]` and `[[output]]`: the machine's inputs and outputs by name, each a digital signal of a
-//! drive or of an I/O node, or an analog output of an I/O node.
+//! drive or of an I/O node, or an analog one of an I/O node.
+
+mod analog_input;
+
+pub use analog_input::AnalogInput;
+
+use analog_input::AnalogInputTable;
 
 use super::read::{name, unique, unknown};
 use super::{Drive, IoNode, Node, Spindle};
@@ -163,6 +169,7 @@ pub(super) struct Wiring<'m> {
 /// The inputs and outputs of a machine.
 pub(super) struct Signals {
     pub(super) inputs: Vec<Input>,
+    pub(super) analog_inputs: Vec<AnalogInput>,
     pub(super) outputs: Vec<Output>,
     pub(super) analog_outputs: Vec<AnalogOutput>,
 }
@@ -473,6 +480,7 @@ impl OutputPurpose {
 /// All inputs and outputs as the file has them.
 pub(super) struct SignalTables {
     inputs: Vec<InputTable>,
+    analog_inputs: Vec<AnalogInputTable>,
     outputs: Vec<OutputTable>,
 }
 
@@ -480,15 +488,22 @@ impl SignalTables {
     pub(super) fn read(log: &mut Log<'_>, file: &mut Table<'_, '_>) -> Option<Self> {
         let inputs = file.tables_if(log, "input", "name");
         let outputs = file.tables_if(log, "output", "name");
+        let (analog_inputs, inputs): (Vec<_>, Vec<_>) =
+            (inputs.into_iter()).partition(|it| it.span_of("full_scale").is_some());
         let inputs: Vec<_> = (inputs.into_iter().map(|it| InputTable::read(log, it))).collect();
+        let analog_inputs = analog_inputs.into_iter();
+        let analog_inputs: Vec<_> = analog_inputs
+            .map(|it| AnalogInputTable::read(log, it))
+            .collect();
         let outputs: Vec<_> = (outputs.into_iter().map(|it| OutputTable::read(log, it))).collect();
         Some(Self {
             inputs: inputs.into_iter().collect::<Option<_>>()?,
+            analog_inputs: analog_inputs.into_iter().collect::<Option<_>>()?,
             outputs: outputs.into_iter().collect::<Option<_>>()?,
         })
     }
 
-    /// Where the file names each of the inputs.
+    /// Where the file names each of the digital inputs.
     pub(super) fn inputs(&self) -> Vec<Range<usize>> {
         let names = self.inputs.iter().map(|it| it.wire.name.span());
         names.collect()
@@ -529,9 +544,13 @@ impl SignalTables {
         }
         unique(log, "output", self.outputs.iter().map(|it| &it.wire.name));
         check_enable_chain(log, &self.outputs);
+        let digital = self.inputs.iter().map(|table| &table.wire.name);
+        let analog = self.analog_inputs.iter().map(|table| &table.wire.name);
+        unique(log, "input", digital.chain(analog));
         let inputs = join_inputs(log, self.inputs, wiring);
         let mut signals = Signals {
             inputs,
+            analog_inputs: analog_input::join(log, self.analog_inputs, wiring),
             outputs: Vec::new(),
             analog_outputs: Vec::new(),
         };
@@ -652,7 +671,6 @@ fn check_speed(
 
 /// All inputs, with names of their own.
 fn join_inputs(log: &mut Log<'_>, tables: Vec<InputTable>, wiring: Wiring<'_>) -> Vec<Input> {
-    unique(log, "input", tables.iter().map(|table| &table.wire.name));
     if let Some(table) = tables.get(MOST_INPUTS) {
         log.report(
             table.wire.name.span(),

@@ -19,6 +19,8 @@ pub(super) struct Trace {
     coordinates: Vec<usize>,
     /// A drive turns the spindle.
     has_spindle: bool,
+    /// So many analog inputs.
+    analog_inputs: usize,
     row: String,
     /// Nothing is written behind the first failure.
     written: io::Result<()>,
@@ -37,6 +39,9 @@ impl Trace {
         if has_spindle {
             header += SPINDLE_COLUMNS;
         }
+        for input in &machine.analog_inputs {
+            let _ = write!(header, ",analog_input_{}", input.number);
+        }
         header.push('\n');
         Self {
             written: file.write_all(header.as_bytes()),
@@ -45,6 +50,7 @@ impl Trace {
                 .map(|axis| axis.letter.index())
                 .collect(),
             has_spindle,
+            analog_inputs: machine.analog_inputs.len(),
             row: header,
         }
     }
@@ -61,6 +67,9 @@ impl Trace {
         write_switched(text, &observed.row.functions);
         if self.has_spindle {
             write_spindle(text, observed.row.spindle);
+        }
+        for value in &observed.row.analog_inputs[..self.analog_inputs] {
+            let _ = write!(text, ",{value}");
         }
         text.push('\n');
         if self.written.is_ok() {

@@ -57,6 +57,8 @@ pub struct Feeder {
     search: Option<Instruction<COORDINATES>>,
     /// Readings of inputs and outputs so far.
     readings: u32,
+    /// What the last command waits for, if it was an M66, and its line.
+    awaited: Option<(gcode::InputWait, u32)>,
     /// What can be read, in the interpreter's order.
     signals: Arc<[Signal]>,
     path_control_mode: PathControlMode,
@@ -178,6 +180,7 @@ impl Program {
             awaits_thread: false,
             search: None,
             readings: 0,
+            awaited: None,
             signals: Arc::clone(&self.signals),
             path_control_mode: path_control_mode(
                 self.setup.memory.modes().path_mode,
@@ -280,9 +283,11 @@ impl Feeder {
             let taken = if let Some(opening) = self.opening.pop_front() {
                 self.open(opening)
             } else if let Some(command) = self.interpreter.next() {
+                self.await_input(command.as_ref().ok().map(|command| &command.action));
                 let command = command.map_err(ProgramError::from);
                 command.and_then(|command| self.take_next(&command))
             } else {
+                self.await_input(None);
                 self.stop_then(StopPoint::End);
                 self.ended = true;
                 continue;
@@ -382,13 +387,10 @@ impl Feeder {
                 }
                 self.stop_then(StopPoint::Pause { reason, line });
             }
-            Action::AwaitInput(wait) => {
-                let wait = InputWait {
-                    input: InputMeaning::Program(wait.number),
-                    until: wait.until,
-                    within: wait.within,
-                };
-                self.stop_then(StopPoint::AwaitInput { wait, line });
+            Action::AwaitInput(wait) => self.awaited = Some((*wait, line)),
+            Action::TakeInput(input) => {
+                let input = *input;
+                self.stop_then(StopPoint::TakeInput { input, line });
             }
             Action::Probe { to, feed, probe } => {
                 self.take_probe(to.0, *feed, *probe, command.span)?;
@@ -405,7 +407,7 @@ impl Feeder {
                 });
                 self.stop_then(StopPoint::Home { line });
             }
-            Action::ReadSignals => {
+            Action::ReadSignals { .. } => {
                 self.readings += 1;
                 let number = self.readings;
                 self.stop_then(StopPoint::ReadSignals { number, line });
@@ -541,7 +543,8 @@ impl Feeder {
     pub fn signals_read(&mut self, levels: &SignalLevels) {
         if self.interpreter.awaits_signals() && levels.number == self.readings {
             let values = self.signals.iter().map(|&signal| levels.of(signal));
-            self.interpreter.signals_read(values.collect());
+            self.interpreter
+                .signals_read(values.collect(), levels.input_result);
         }
     }
 
@@ -595,6 +598,21 @@ impl Feeder {
         Ok(())
     }
 
+    /// Before the next action of the program, if there is one, the path rests for the input of the M66 before it, if that was
+    /// one.
+    fn await_input(&mut self, next: Option<&Action>) {
+        let Some((wait, line)) = self.awaited.take() else {
+            return;
+        };
+        let wait = InputWait {
+            input: InputMeaning::Program(wait.number),
+            until: wait.until,
+            within: wait.within,
+        };
+        let asks = matches!(next, Some(Action::ReadSignals { input_result: true }));
+        self.stop_then(StopPoint::AwaitInput { wait, asks, line });
+    }
+
     /// The path rests until the spindle has its speed.
     fn await_spindle(&mut self, span: gcode::Span) -> Result<(), ProgramError> {
         match self.spindle {
@@ -607,7 +625,8 @@ impl Feeder {
                     within,
                 };
                 let line = span.line;
-                self.stop_then(StopPoint::AwaitInput { wait, line });
+                let asks = false;
+                self.stop_then(StopPoint::AwaitInput { wait, asks, line });
                 Ok(())
             }
         }

@@ -72,9 +72,12 @@ fn signals(machine: &Machine) -> impl Iterator<Item = (&str, Signal)> {
     let inputs = inputs.map(|(index, input)| (&*input.name, Signal::Input(index)));
     let outputs = machine.outputs.iter();
     let outputs = outputs.map(|output| (&*output.name, Signal::Output(output.switch)));
+    let analog_inputs = machine.analog_inputs.iter().enumerate();
+    let analog_inputs =
+        analog_inputs.map(|(index, input)| (&*input.name, Signal::AnalogInput(index)));
     let analog = machine.analog_outputs.iter();
-    let analog = analog.map(|output| (&*output.name, Signal::Analog(output.source)));
-    inputs.chain(outputs).chain(analog)
+    let analog = analog.map(|output| (&*output.name, Signal::AnalogOutput(output.source)));
+    inputs.chain(outputs).chain(analog_inputs).chain(analog)
 }
 
 fn user_codes(machine: &Machine) -> UserCodes {
@@ -320,6 +323,9 @@ impl Programs {
             if let InputMeaning::Program(number) = input.meaning {
                 setup.inputs |= 1 << number;
             }
+        }
+        for input in &machine.analog_inputs {
+            setup.analog_inputs |= 1 << input.number;
         }
         for axis in &machine.axes {
             let homing = &axis.homing;
@@ -665,7 +671,7 @@ impl Program {
                 | Action::Spline { .. }
                 | Action::Thread { .. }
                 | Action::Probe { .. }
-                | Action::ReadSignals => return Some((homed, None)),
+                | Action::ReadSignals { .. } => return Some((homed, None)),
                 _ => {}
             }
         }

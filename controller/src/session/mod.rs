@@ -152,6 +152,7 @@ impl<T: Timeline> Session<T> {
         status.drives = vec![PowerState::Unknown; layout.drives().count()];
         status.inputs = vec![false; layout.inputs.len()];
         status.outputs = vec![false; layout.outputs.len()];
+        status.analog_inputs = vec![0.0; layout.analog_inputs.len()];
         status.analog_outputs = vec![0.0; layout.analog_outputs.len()];
         Self {
             timeline,
@@ -637,6 +638,8 @@ impl Desk {
         for &at in &self.coordinates {
             actual[at] = row.axes[at].act;
         }
+        let inputs = self.status.analog_inputs.iter_mut();
+        inputs.zip(row.analog_inputs).for_each(|(of, is)| *of = is);
         if let Some(stopped) = &mut self.status.stopped {
             stopped.position = actual;
         }

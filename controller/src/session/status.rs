@@ -80,6 +80,8 @@ pub struct Status {
     pub inputs: Vec<bool>,
     /// Likewise of its outputs.
     pub outputs: Vec<bool>,
+    /// What its analog inputs are, in the unit of their full scale, as of the last SYNC of a machine that is enabled.
+    pub analog_inputs: Vec<f64>,
     /// What its analog outputs put out, in the unit of their full scale.
     pub analog_outputs: Vec<f64>,
     /// What operators have set.
@@ -130,6 +132,7 @@ impl Default for Status {
             interrupted: None,
             drives: Vec::new(),
             inputs: Vec::new(),
+            analog_inputs: Vec::new(),
             outputs: Vec::new(),
             analog_outputs: Vec::new(),
             settings: Settings::default(),

@@ -1522,6 +1522,71 @@ fn io_nodes_stand_behind_the_others_and_have_what_is_wired_to_them() {
 }
 
 #[test]
+fn analog_inputs_are_read_and_their_mistakes_told() {
+    let input = |name: &str, signal: &str, rest: &str| {
+        format!("[[input]]\nname = \"{name}\"\nio = \"cabinet\"\nsignal = \"{signal}\"\n{rest}\n\n")
+    };
+    let with =
+        |inputs: &[String]| parse(&MILL.replacen("[[input]]", &(inputs.concat() + "[[input]]"), 1));
+    let force = input("force", "AI1", "full_scale = 500\nnumber = 3");
+    let machine = with(std::slice::from_ref(&force)).unwrap();
+    let read = &machine.analog_inputs[0];
+    assert_eq!((read.node, read.place, read.number), (3, 1, 3));
+    let scaled = [0, i16::MAX, -i16::MAX].map(|value| read.scaled(value));
+    assert_eq!(scaled, [0.0, 500.0, -500.0]);
+    // T_PDO2 has both inputs up to the one in use.
+    let device = machine.device(3);
+    let bytes: Vec<_> = device.spec().t_pdos.iter().map(|pdo| pdo.bytes).collect();
+    assert_eq!(bytes, [2, 4]);
+    for (inputs, told) in [
+        (
+            vec![input("force", "AI1", "full_scale = 0\nnumber = 3")],
+            "`full_scale`",
+        ),
+        (
+            vec![input("force", "AI1", "full_scale = 5\nnumber = 8")],
+            "0…7, E of M66",
+        ),
+        (
+            vec![input("force", "AI1", "full_scale = 5")],
+            "nothing says what it is for",
+        ),
+        (
+            vec![input("force", "AI1", "full_scale = 5\nfunction = \"door\"")],
+            "function",
+        ),
+        (
+            vec![input("force", "DI1", "full_scale = 5\nnumber = 1")],
+            "has no such signal \"DI1\"",
+        ),
+        (
+            vec![
+                force.clone(),
+                input("other", "AI1", "full_scale = 5\nnumber = 1"),
+            ],
+            "its signal is that of input \"force\"",
+        ),
+        (
+            vec![
+                force.clone(),
+                input("other", "AI2", "full_scale = 5\nnumber = 3"),
+            ],
+            "its `number` is that of input \"force\"",
+        ),
+        (
+            vec![
+                force.clone(),
+                input("force", "AI2", "full_scale = 5\nnumber = 1"),
+            ],
+            "force",
+        ),
+    ] {
+        let errors = with(&inputs).unwrap_err().to_string();
+        assert!(errors.contains(told), "{told}: {errors}");
+    }
+}
+
+#[test]
 fn mistakes_of_io_nodes_are_told() {
     for (from, to, told) in [
         (

@@ -1,7 +1,7 @@
 //! An I/O node as the profile CiA 401 has it, on CANopen (CiA 301).
 //!
 //! - R_PDO1 carries digital outputs, R_PDO2 analog ones, both in effect with SYNC, as the setpoints of the axes are;
-//!   T_PDO1 carries digital inputs, at every SYNC or when one of them changes. Each has the bytes that the machine uses
+//!   T_PDO1 carries digital inputs and T_PDO2 analog ones, at every SYNC or when one of them changes. Each has the bytes that the machine uses
 //!   and no more, so that a node with less inputs and outputs than the profile names will do, too. What is not used is
 //!   left as it is.
 //! - Outputs that the machine uses have their safe values as error values, so that the node falls back to them by
@@ -10,8 +10,8 @@
 
 use super::profile::communication;
 use super::{
-    Address, Assumption, Data, Identity, Increments, Io, IoNode, IoSettings, Make, Model, NodeSpec,
-    RemoteNode, Settings, Write,
+    ANALOG_INPUTS, Address, Assumption, Data, Identity, Increments, Io, IoNode, IoSettings, Make,
+    Model, NodeSpec, RemoteNode, Settings, Write,
 };
 use crate::dictionary;
 use core::time::Duration;
@@ -40,6 +40,7 @@ pub(super) static CIA401: Model = Model {
     reserved,
     inputs: &INPUTS,
     outputs: &OUTPUTS,
+    analog_inputs: &["AI0", "AI1", "AI2", "AI3"],
     analog_outputs: &["AO0", "AO1", "AO2", "AO3"],
     captures: &[],
     homing_methods: &[],
@@ -84,6 +85,9 @@ const SDO_RESPONSE: Assumption = Assumption {
 /// Transmission types: at every SYNC, and by the events that the profile defines (CiA 301).
 const AT_SYNC: u8 = 1;
 const BY_EVENT: u8 = 255;
+
+/// What of an analog input is an event: that it has changed (6421h).
+const CHANGED: u8 = 1 << 2;
 
 /// How a node has its digital signals: by bytes or by words.
 #[derive(Clone, Copy, Debug)]
@@ -135,8 +139,8 @@ struct Cia401 {
     outputs: u16,
     /// Analog outputs, as R_PDO2 carries them.
     analog_outputs: [i16; 4],
-    /// The place of R_PDO2 among the R_PDOs.
-    analog: usize,
+    /// The places of T_PDO2 and R_PDO2 among its own.
+    analog: [usize; 2],
 }
 
 impl Cia401 {
@@ -150,8 +154,10 @@ impl Cia401 {
         let bytes = |used| width.count(used) * (width.bits / 8);
         let node = settings.node;
         let t_pdo = (io.inputs != 0).then(|| communication::t_pdo(1, node, bytes(io.inputs)));
+        let analog_inputs = analog_input_count(io);
+        let t_pdo2 = (analog_inputs > 0).then(|| communication::t_pdo(2, node, 2 * analog_inputs));
         let digital = (io.outputs != 0).then(|| communication::r_pdo(1, node, bytes(io.outputs)));
-        let analog = analog_count(io);
+        let analog = analog_output_count(io);
         let r_pdo2 = (analog > 0).then(|| communication::r_pdo(2, node, 2 * analog));
         let setup = setup(settings, width);
         Self {
@@ -159,8 +165,8 @@ impl Cia401 {
                 identity: vec![device_type(io)],
                 // Last error.
                 history: vec![Address::new(0x1003, 1)],
-                answers_sync: t_pdo.is_some() && !io.by_event,
-                t_pdos: t_pdo.into_iter().collect(),
+                answers_sync: t_pdo.or(t_pdo2).is_some() && !io.by_event,
+                t_pdos: t_pdo.into_iter().chain(t_pdo2).collect(),
                 r_pdos: digital.into_iter().chain(r_pdo2).collect(),
                 t_pdo_response: assumed.time(&T_PDO_RESPONSE),
                 sdo_response: assumed.time(&SDO_RESPONSE),
@@ -168,13 +174,18 @@ impl Cia401 {
             },
             outputs: 0,
             analog_outputs: [0; 4],
-            analog: digital.is_some().into(),
+            analog: [t_pdo.is_some().into(), digital.is_some().into()],
         }
     }
 }
 
+/// Analog inputs up to the last one in use.
+fn analog_input_count(io: &IoSettings) -> u8 {
+    (u32::BITS - io.analog_inputs.leading_zeros()) as u8
+}
+
 /// Analog outputs up to the last one in use.
-fn analog_count(io: &IoSettings) -> u8 {
+fn analog_output_count(io: &IoSettings) -> u8 {
     let places = io.analog_outputs.iter().map(|(place, _)| *place as u8 + 1);
     places.max().unwrap_or_default()
 }
@@ -184,7 +195,7 @@ fn device_type(io: &IoSettings) -> Identity {
     let used = [
         io.inputs != 0,
         io.outputs != 0,
-        false,
+        io.analog_inputs != 0,
         !io.analog_outputs.is_empty(),
     ];
     let used =
@@ -214,14 +225,16 @@ fn pdo(
     writes
 }
 
-/// The PDOs that are used, what outputs do without the controller, heartbeats.
-fn setup(settings: &Settings, width: Width) -> Vec<Write> {
+/// When a T_PDO of inputs comes.
+fn kind_of_t_pdo(parameter: u16, settings: &Settings) -> Vec<Write> {
     let w = Write::new;
-    let (node, io) = (settings.node, &settings.io);
-    let mut setup = Vec::new();
-    if io.inputs != 0 {
-        let word = CobIdWord::valid(CobId::t_pdo(1, node));
-        let kind = if io.by_event { BY_EVENT } else { AT_SYNC };
+    let by_event = settings.io.by_event;
+    let mut writes = vec![w(
+        parameter,
+        2,
+        Data::u8(if by_event { BY_EVENT } else { AT_SYNC }),
+    )];
+    if by_event {
         // At most once in a cycle, and from time to time without a change, should one be lost.
         let cycle = settings
             .cycle
@@ -229,16 +242,35 @@ fn setup(settings: &Settings, width: Width) -> Vec<Write> {
             .div_ceil(100)
             .min(u16::MAX.into()) as u16;
         let again = settings.heartbeat.producer.as_millis().min(u16::MAX.into()) as u16;
-        let by_event = [
-            w(0x1800, 3, Data::u16(cycle)),
-            w(0x1800, 5, Data::u16(again)),
-        ];
-        let kind = [w(0x1800, 2, Data::u8(kind))];
-        let parameters = kind
-            .into_iter()
-            .chain(by_event.into_iter().filter(|_| io.by_event));
+        writes.push(w(parameter, 3, Data::u16(cycle)));
+        writes.push(w(parameter, 5, Data::u16(again)));
+    }
+    writes
+}
+
+/// The PDOs that are used, what outputs do without the controller, heartbeats.
+fn setup(settings: &Settings, width: Width) -> Vec<Write> {
+    let w = Write::new;
+    let (node, io) = (settings.node, &settings.io);
+    let mut setup = Vec::new();
+    if io.inputs != 0 {
+        let word = CobIdWord::valid(CobId::t_pdo(1, node));
         let inputs = (width.inputs, width.bits, width.count(io.inputs));
-        setup.extend(pdo((0x1800, word), inputs, parameters));
+        setup.extend(pdo((0x1800, word), inputs, kind_of_t_pdo(0x1800, settings)));
+    }
+    if io.analog_inputs != 0 {
+        let word = CobIdWord::valid(CobId::t_pdo(2, node));
+        let inputs = (0x6401, 16, analog_input_count(io));
+        setup.extend(pdo((0x1801, word), inputs, kind_of_t_pdo(0x1801, settings)));
+        if io.by_event {
+            for sub in 1..=inputs.2 {
+                // Each change of what is used, however small.
+                let is_used = io.analog_inputs >> (sub - 1) & 1 != 0;
+                setup.push(w(0x6421, sub, Data::u8(if is_used { CHANGED } else { 0 })));
+                setup.push(w(0x6426, sub, Data::u32(0)));
+            }
+            setup.push(w(0x6423, 0, Data::u8(1)));
+        }
     }
     if io.outputs != 0 {
         let word = CobIdWord::valid(CobId::r_pdo(1, node));
@@ -253,7 +285,11 @@ fn setup(settings: &Settings, width: Width) -> Vec<Write> {
     if !io.analog_outputs.is_empty() {
         let word = CobIdWord::valid(CobId::r_pdo(2, node));
         let kind = [w(0x1401, 2, Data::u8(AT_SYNC))];
-        setup.extend(pdo((0x1401, word), (0x6411, 16, analog_count(io)), kind));
+        setup.extend(pdo(
+            (0x1401, word),
+            (0x6411, 16, analog_output_count(io)),
+            kind,
+        ));
     }
     let shift = settings.assumed.value(&ANALOG_ERROR_SHIFT);
     for &(place, safe) in &io.analog_outputs {
@@ -279,6 +315,9 @@ fn reserved(Address { index, .. }: Address) -> bool {
                 | 0x6306
                 | 0x6307
                 | 0x6411
+                | 0x6421
+                | 0x6423
+                | 0x6426
                 | 0x6443
                 | 0x6444
     )
@@ -291,11 +330,22 @@ impl RemoteNode for Cia401 {
 }
 
 impl Io for Cia401 {
-    fn signals(&self, _: usize, data: &[u8]) -> Option<u32> {
+    fn signals(&self, t_pdo: usize, data: &[u8]) -> Option<u32> {
+        if t_pdo == self.analog[0] {
+            return None;
+        }
         let mut inputs = [0; 4];
         let told = data.len().min(2);
         inputs[..told].copy_from_slice(&data[..told]);
         Some(u32::from_le_bytes(inputs))
+    }
+
+    fn analog_inputs(&self, t_pdo: usize, data: &[u8]) -> Option<[i16; ANALOG_INPUTS]> {
+        let mut inputs = [0; ANALOG_INPUTS];
+        for (input, bytes) in inputs.iter_mut().zip(data.chunks_exact(2)) {
+            *input = i16::from_le_bytes([bytes[0], bytes[1]]);
+        }
+        (t_pdo == self.analog[0]).then_some(inputs)
     }
 
     fn set_outputs(&mut self, on: u32) {
@@ -317,7 +367,7 @@ impl IoNode for Cia401 {
     fn encode(&self, frames: &mut [Frame]) {
         let mut data = [0; 8];
         for (place, r_pdo) in self.spec.r_pdos.iter().enumerate() {
-            if place == self.analog {
+            if place == self.analog[1] {
                 for (bytes, value) in data.chunks_exact_mut(2).zip(self.analog_outputs) {
                     bytes.copy_from_slice(&value.to_le_bytes());
                 }
@@ -359,6 +409,7 @@ mod tests {
             inputs: 0b10_0000_0001,
             outputs: 0b110,
             safe: 0b100,
+            analog_inputs: 0b101,
             analog_outputs: vec![(1, -5)],
             by_event: false,
         }
@@ -370,6 +421,8 @@ mod tests {
             shown(&node(all(), &[]).spec.setup),
             "1800h:1 = 80000189h, 1A00h:0 = 00h, 1A00h:1 = 60000108h, 1A00h:2 = 60000208h, 1A00h:0 = 02h, \
              1800h:2 = 01h, 1800h:1 = 00000189h, \
+             1801h:1 = 80000289h, 1A01h:0 = 00h, 1A01h:1 = 64010110h, 1A01h:2 = 64010210h, 1A01h:3 = 64010310h, \
+             1A01h:0 = 03h, 1801h:2 = 01h, 1801h:1 = 00000289h, \
              1400h:1 = 80000209h, 1600h:0 = 00h, 1600h:1 = 62000108h, 1600h:0 = 01h, 1400h:2 = 01h, \
              1400h:1 = 00000209h, 6206h:1 = 06h, 6207h:1 = 04h, \
              1401h:1 = 80000309h, 1601h:0 = 00h, 1601h:1 = 64110110h, 1601h:2 = 64110210h, 1601h:0 = 02h, \
@@ -389,6 +442,9 @@ mod tests {
             shown(&node(io, &[("digital_words", 1)]).spec.setup),
             "1800h:1 = 80000189h, 1A00h:0 = 00h, 1A00h:1 = 61000110h, 1A00h:0 = 01h, 1800h:2 = FFh, \
              1800h:3 = 0014h, 1800h:5 = 0064h, 1800h:1 = 00000189h, \
+             1801h:1 = 80000289h, 1A01h:0 = 00h, 1A01h:1 = 64010110h, 1A01h:2 = 64010210h, 1A01h:3 = 64010310h, \
+             1A01h:0 = 03h, 1801h:2 = FFh, 1801h:3 = 0014h, 1801h:5 = 0064h, 1801h:1 = 00000289h, \
+             6421h:1 = 04h, 6426h:1 = 00000000h, 6421h:2 = 00h, 6426h:2 = 00000000h, 6421h:3 = 04h, 6426h:3 = 00000000h, 6423h:0 = 01h, \
              1400h:1 = 80000209h, 1600h:0 = 00h, 1600h:1 = 63000110h, 1600h:0 = 01h, 1400h:2 = 01h, \
              1400h:1 = 00000209h, 6306h:1 = 0006h, 6307h:1 = 0004h, \
              6202h:1 = 05h, 1017h:0 = 0064h, 1016h:1 = 007F00FAh"
@@ -405,7 +461,7 @@ mod tests {
             },
         ]
         .map(|io| node(io, &[]).spec.identity[0]);
-        assert_eq!((all.mask, all.value), (0x000B_FFFF, 0x000B_0191));
+        assert_eq!((all.mask, all.value), (0x000F_FFFF, 0x000F_0191));
         assert_eq!((outputs.mask, outputs.value), (0x0002_FFFF, 0x0002_0191));
     }
 
@@ -424,6 +480,8 @@ mod tests {
             outputs: u16,
             set: u16,
             analog in prop::collection::vec((0usize..4, any::<i16>()), 0..4),
+            analog_inputs in 0u32..16,
+            taken: [i16; 4],
             words: bool,
             by_event: bool,
         ) {
@@ -432,6 +490,7 @@ mod tests {
                 inputs: inputs.into(),
                 outputs: outputs.into(),
                 safe: 0,
+                analog_inputs,
                 analog_outputs: analog.clone(),
                 by_event,
             };
@@ -441,7 +500,7 @@ mod tests {
                 mapped.map(|it| it.data.bits() & 0xFF).sum::<u32>()
             };
 
-            prop_assert_eq!(bits(0x1A00), node.spec.t_pdos.iter().map(|it| u32::from(it.bytes) * 8).sum::<u32>());
+            prop_assert_eq!(bits(0x1A00) + bits(0x1A01), node.spec.t_pdos.iter().map(|it| u32::from(it.bytes) * 8).sum::<u32>());
             prop_assert_eq!(bits(0x1600) + bits(0x1601), node.spec.r_pdos.iter().map(|it| u32::from(it.bytes) * 8).sum::<u32>());
 
             node.set_outputs(set.into());
@@ -461,10 +520,19 @@ mod tests {
                     }
                 }
             }
-            for t_pdo in &node.spec.t_pdos {
-                let data = inputs.to_le_bytes();
-                let told = node.signals(0, &data[..t_pdo.bytes.into()]);
-                prop_assert_eq!(told, Some(inputs.into()));
+            for (place, t_pdo) in node.spec.t_pdos.iter().enumerate() {
+                let digital = t_pdo.cob_id == CobId::t_pdo(1, node.spec.node);
+                let data = match digital {
+                    true => inputs.to_le_bytes().to_vec(),
+                    false => taken.iter().flat_map(|it| it.to_le_bytes()).collect(),
+                };
+                let data = &data[..t_pdo.bytes.into()];
+                prop_assert_eq!(node.signals(place, data), digital.then_some(inputs.into()));
+                let told = node.analog_inputs(place, data);
+                prop_assert_eq!(told.is_none(), digital);
+                for input in (0..4).filter(|input| analog_inputs >> input & 1 != 0) {
+                    prop_assert!(told.is_none_or(|told| told[input] == taken[input]));
+                }
             }
         }
     }

@@ -49,6 +49,7 @@ pub(super) static CIA406: Model = Model {
     abilities: &[],
     inputs: &[],
     outputs: &[],
+    analog_inputs: &[],
     analog_outputs: &[],
     captures: &[],
     homing_methods: &[],

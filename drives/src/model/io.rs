@@ -4,12 +4,22 @@ use super::RemoteNode;
 use core::fmt;
 use syncline_canopen::Frame;
 
+/// Analog inputs of a device at most.
+pub const ANALOG_INPUTS: usize = 4;
+
 /// A device that tells the levels of its digital inputs and outputs, its signals, and takes those of
 /// its outputs.
 pub trait Io: RemoteNode {
     /// What the data of a T_PDO, all its mapped bytes, say of the signals: bit n is the level of the
     /// [n-th](super::Model::signal). `None` if that PDO carries none.
     fn signals(&self, t_pdo: usize, data: &[u8]) -> Option<u32>;
+
+    /// What the data of a T_PDO say of the analog inputs, in the order of
+    /// [`Model::analog_inputs`](super::Model::analog_inputs): from -32768 to 32767 it is from the least to the greatest
+    /// that they can take in. `None` if that PDO carries none.
+    fn analog_inputs(&self, _t_pdo: usize, _data: &[u8]) -> Option<[i16; ANALOG_INPUTS]> {
+        None
+    }
 
     /// Sets the outputs that the R_PDOs carry from the next ones on: bit n is the n-th of
     /// [`Model::outputs`](super::Model::outputs).
@@ -48,6 +58,8 @@ pub struct IoSettings {
     /// The levels that those outputs take by themselves where the device no longer hears the controller, if it can
     /// do that.
     pub safe: u32,
+    /// The analog inputs that mean something.
+    pub analog_inputs: u32,
     /// The analog outputs that the controller sets, each by its place, with the value that it takes likewise.
     pub analog_outputs: Vec<(usize, i16)>,
     /// The T_PDOs come when what they tell changes, not at every SYNC, where the device can do both.

@@ -48,6 +48,7 @@ pub(super) static LXM32M: Model = Model {
     reserved,
     inputs: &INPUTS,
     outputs: &OUTPUTS,
+    analog_inputs: &[],
     analog_outputs: &[],
     captures: &CAPTURES,
     homing_methods: &HOMING_METHODS,

@@ -41,7 +41,7 @@ pub use drive::{
     PowerCommand, PowerState, Setpoint, StatusWord, Survey,
 };
 pub use feedback::{Feedback, Sample, unwrapped};
-pub use io::{Io, IoNode, IoSettings};
+pub use io::{ANALOG_INPUTS, Io, IoNode, IoSettings};
 pub use node::{ClockLock, Identity, Monitoring, NodeSpec, RemoteNode};
 pub use object::{Data, Write};
 pub use scaling::{Direction, Increments, OutOfRange, Scaling};
@@ -103,6 +103,8 @@ pub struct Model {
     /// Its digital outputs that the controller can set. Both are its signals: they come with its
     /// T_PDOs where [`Settings::io`] asks for them, the inputs first.
     pub outputs: &'static [&'static str],
+    /// Its analog inputs, by the names that its manual has for them.
+    pub analog_inputs: &'static [&'static str],
     /// Its analog outputs, likewise.
     pub analog_outputs: &'static [&'static str],
     /// Those of its digital inputs at whose edges it keeps its position.

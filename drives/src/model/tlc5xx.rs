@@ -52,6 +52,7 @@ pub(super) static TLC5XX: Model = Model {
     reserved,
     inputs: &[],
     outputs: &[],
+    analog_inputs: &[],
     analog_outputs: &[],
     captures: &[],
     homing_methods: &[],

@@ -41,6 +41,7 @@ pub(super) static TSP10: Model = Model {
     reserved,
     inputs: &[],
     outputs: &[],
+    analog_inputs: &[],
     analog_outputs: &[],
     captures: &[],
     homing_methods: &[],

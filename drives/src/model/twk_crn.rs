@@ -46,6 +46,7 @@ pub(super) static TWK_CRN: Model = Model {
     abilities: &[],
     inputs: &[],
     outputs: &[],
+    analog_inputs: &[],
     analog_outputs: &[],
     captures: &[],
     homing_methods: &[],

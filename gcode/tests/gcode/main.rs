@@ -5,6 +5,7 @@ mod compensation;
 mod cycles;
 mod flow;
 mod homing;
+mod input_results;
 mod linuxcnc;
 mod listing;
 mod memory;

@@ -34,7 +34,7 @@ fn read(program: &str, found: &[[f64; 3]]) -> Result<(Vec<[f64; 3]>, Vec<u32>), 
             let command = command?;
             match command.action {
                 Action::Rapid { to } => went.push([to[Axis::X], to[Axis::Y], to[Axis::Z]]),
-                Action::ReadSignals => {
+                Action::ReadSignals { .. } => {
                     lines.push(command.span.line);
                     assert!(interpreter.awaits_signals() && interpreter.next().is_none());
                 }
@@ -45,7 +45,7 @@ fn read(program: &str, found: &[[f64; 3]]) -> Result<(Vec<[f64; 3]>, Vec<u32>), 
             return Ok((went, lines));
         }
         let [part, door, clamp] = found[(lines.len() - 1).min(found.len() - 1)];
-        interpreter.signals_read(vec![part, door, clamp, 0.0, 0.0]);
+        interpreter.signals_read(vec![part, door, clamp, 0.0, 0.0], 0.0);
     }
 }
 
@@ -122,8 +122,10 @@ M2
 fn a_message_shows_what_was_found() {
     let text = "(debug, door #<_hal[door]>, #<_hal[dor]>)\n(msg, #<_hal[door]>)\nM2\n";
     let mut program = Interpreter::from_text("part.ngc", text, named());
-    assert!(matches!(program.next(), Some(Ok(it)) if it.action == Action::ReadSignals));
-    program.signals_read(vec![0.0, 1.0, 0.0, 0.0, 0.0]);
+    assert!(
+        matches!(program.next(), Some(Ok(it)) if matches!(it.action, Action::ReadSignals { .. }))
+    );
+    program.signals_read(vec![0.0, 1.0, 0.0, 0.0, 0.0], 0.0);
     let told: Vec<String> = program
         .filter_map(|command| match command.unwrap().action {
             Action::Message(text) => Some(text),
@@ -168,7 +170,7 @@ fn what_cannot_be_is_refused() {
     // So it is where the program was interrupted.
     let mut program = Interpreter::from_text("part.ngc", text, named());
     let read = program.by_ref().take_while(|it| it.is_ok()).last();
-    assert!(matches!(read, Some(Ok(it)) if it.action == Action::ReadSignals));
+    assert!(matches!(read, Some(Ok(it)) if matches!(it.action, Action::ReadSignals { .. })));
     let reading = program.passed() - 1;
     let enter = |passed| {
         let mut program = Interpreter::from_text("part.ngc", text, named());
@@ -180,7 +182,10 @@ fn what_cannot_be_is_refused() {
         )?;
         program.next().expect("more comes")
     };
-    assert_eq!(enter(reading).unwrap().action, Action::ReadSignals);
+    assert!(matches!(
+        enter(reading).unwrap().action,
+        Action::ReadSignals { .. }
+    ));
     let error = enter(reading + 1).unwrap_err().to_string();
     assert!(error.contains("behind a block with #<_hal"), "{error}");
 }

@@ -1,6 +1,7 @@
 //! Whole machines, from outside: what the `syncline` command does with programs, good and bad
 //! input and faults, and what the bus sees of it.
 
+mod analog_inputs;
 mod bad_input;
 mod beam;
 mod bounds;

@@ -24,6 +24,7 @@ const BY_URGENCY: [PowerState; 7] = [
 pub(super) struct Signals {
     pub(super) drives: Vec<String>,
     pub(super) inputs: Vec<String>,
+    pub(super) analog_inputs: Vec<String>,
     pub(super) outputs: Vec<String>,
     pub(super) analog_outputs: Vec<String>,
     /// The gantries that homing takes square: letter and unit.
@@ -32,6 +33,7 @@ pub(super) struct Signals {
 
 impl Signals {
     pub(super) fn of(machine: &Machine) -> Self {
+        let analog_inputs = &machine.analog_inputs;
         let analog_outputs = &machine.analog_outputs;
         Self {
             drives: (machine.nodes())
@@ -39,6 +41,7 @@ impl Signals {
                 .map(|node| node.name.to_owned())
                 .collect(),
             inputs: machine.inputs.iter().map(|it| it.name.clone()).collect(),
+            analog_inputs: analog_inputs.iter().map(|it| it.name.clone()).collect(),
             outputs: machine.outputs.iter().map(|it| it.name.clone()).collect(),
             analog_outputs: analog_outputs.iter().map(|it| it.name.clone()).collect(),
             gantries: (machine.axes.iter())
@@ -56,8 +59,11 @@ impl Signals {
         if !square.is_empty() {
             rows.push(("square", square));
         }
-        if !self.inputs.is_empty() {
-            rows.push(("inputs", listed(on(&self.inputs, &status.inputs).collect())));
+        if !self.inputs.is_empty() || !self.analog_inputs.is_empty() {
+            let analog = self.analog_inputs.iter().zip(&status.analog_inputs);
+            let analog = analog.map(|(name, value)| format!("{name} {value:.2}"));
+            let inputs = on(&self.inputs, &status.inputs).chain(analog);
+            rows.push(("inputs", listed(inputs.collect())));
         }
         if !self.outputs.is_empty() || !self.analog_outputs.is_empty() {
             let analog = self.analog_outputs.iter().zip(&status.analog_outputs);

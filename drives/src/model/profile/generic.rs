@@ -114,6 +114,7 @@ pub(in crate::model) const fn drive(name: &'static str, title: &'static str, mak
         reserved,
         inputs: &[],
         outputs: &[],
+        analog_inputs: &[],
         analog_outputs: &[],
         captures: &[],
         homing_methods: &[],

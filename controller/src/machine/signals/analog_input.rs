@@ -1,0 +1,109 @@
+//! `[[input]]` with `full_scale`: an analog input of an I/O node.
+
+use super::{Wire, Wiring};
+use std::ops::Range;
+use syncline_gcode::ANALOG_INPUTS;
+use syncline_strict_toml::{Log, Table};
+use toml::Spanned;
+
+/// An analog input of an I/O node, which programs read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AnalogInput {
+    /// As the machine file names it.
+    pub name: String,
+    /// Index of its device in [`Machine::nodes`](crate::machine::Machine::nodes).
+    pub node: usize,
+    /// Which of the device's analog inputs.
+    pub place: usize,
+    /// What it is at the greatest value that it can take in; above zero.
+    pub full_scale: f64,
+    /// E of M66, below [`ANALOG_INPUTS`]; no two have the same.
+    pub number: u8,
+}
+
+impl AnalogInput {
+    /// What a value of the device is: the whole range of 16 bits is from the negative full scale to the positive one.
+    #[must_use]
+    pub fn scaled(&self, value: i16) -> f64 {
+        f64::from(value) / f64::from(i16::MAX) * self.full_scale
+    }
+}
+
+/// An analog input as the file has it.
+pub(super) struct AnalogInputTable {
+    pub(super) wire: Wire,
+    full_scale: f64,
+    number: Spanned<i64>,
+}
+
+impl AnalogInputTable {
+    pub(super) fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Self> {
+        let wire = Wire::read(log, &mut table, "an analog input of the device: \"AI0\"");
+        let unit = "(the value at the greatest that it can take in)";
+        let full_scale = table.positive(log, "full_scale", unit);
+        let most = ANALOG_INPUTS as i64 - 1;
+        let number = table.integer_if(log, "number", 0..=most, ", E of M66");
+        if number.is_none() && table.span_of("number").is_none() {
+            log.report(
+                table.span_of("name").unwrap_or_default(),
+                format!("{}: nothing says what it is for", table.title),
+                format!("allowed: `number`, E of M66, a whole number from 0 to {most}"),
+            );
+        }
+        table.finish(log);
+        Some(Self {
+            wire: wire?,
+            full_scale: full_scale?.into_inner(),
+            number: number?,
+        })
+    }
+}
+
+/// All of them, each of a signal and a number of its own.
+pub(super) fn join(
+    log: &mut Log<'_>,
+    tables: Vec<AnalogInputTable>,
+    wiring: Wiring<'_>,
+) -> Vec<AnalogInput> {
+    let mut inputs: Vec<AnalogInput> = Vec::new();
+    for AnalogInputTable {
+        wire,
+        full_scale,
+        number,
+    } in tables
+    {
+        let Some((node, place)) = wire.resolve(log, wiring, |model| model.analog_inputs) else {
+            continue;
+        };
+        let mut twice = |span: Range<usize>, what: &str, other: &str, each: &str| {
+            let problem = format!("{}: its {what} is that of input \"{other}\"", wire.title);
+            log.report(span, problem, format!("allowed: each {each} once"));
+        };
+        let mut others = inputs.iter();
+        if let Some(other) = others.find(|it| (it.node, it.place) == (node, place)) {
+            twice(
+                wire.signal.span(),
+                "signal",
+                &other.name,
+                "input of a device",
+            );
+        }
+        let own = *number.get_ref() as u8;
+        if let Some(other) = inputs.iter().find(|it| it.number == own) {
+            twice(
+                number.span(),
+                "`number`",
+                &other.name,
+                "number of an analog input",
+            );
+        }
+        inputs.push(AnalogInput {
+            name: wire.name.into_inner(),
+            node,
+            place,
+            full_scale,
+            number: own,
+        });
+    }
+    inputs
+}
