@@ -329,7 +329,9 @@ pub enum Fault {
     ThreadCompensated { code: Code },
 
     // Probing.
-    #[error("{code} needs a probe: give an [[input]] of the machine file `function = \"probe\"`")]
+    #[error(
+        "{code} needs a probe or a tool setter: give an [[input]] of the machine file `function = \"probe\"` or `\"tool_setter\"`"
+    )]
     NoProbe { code: Code },
     #[error("{code} has no axis words: write where the probing ends at the latest")]
     ProbeNowhere { code: Code },

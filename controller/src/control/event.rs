@@ -221,7 +221,7 @@ pub enum Event {
         /// Why.
         failure: ProbeFailure,
     },
-    /// The probe touched something while the axes moved for something else; they come to rest.
+    /// The probe touched something, or a tool the tool setter, while the axes moved for something else; they come to rest.
     Touched,
     /// An input told in a cut that the spindle has lost its speed: the path comes to rest and is held.
     SpeedLost,

@@ -72,7 +72,7 @@ pub enum Fault {
         /// By how much it might differ, 1/min.
         allowed: f64,
     },
-    /// The probe touched something while the axes moved for something else.
+    /// The probe touched something, or a tool the tool setter, while the axes moved for something else.
     Touched,
     /// The path rested in mid-program, nobody held it, and nothing more of its plan came.
     NoPlan,
@@ -574,8 +574,8 @@ impl Fault {
                  holds it back, tool, feed and depth of the cut, and at its drive"
             ),
             Self::Touched => {
-                "the probe touched something while nobody probed: move away, and look at \
-                              probe, program and work"
+                "the probe touched something, or a tool the tool setter, while nobody probed: move away, and look \
+                              at probe, program and work"
                     .to_owned()
             }
             Self::NoPlan => format!(

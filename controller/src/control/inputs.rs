@@ -183,7 +183,7 @@ impl<const N: usize> Controller<N> {
             InputMeaning::Door if state == State::Homing => {
                 self.interrupt_homing(HomingFailure::DoorOpen);
             }
-            InputMeaning::Probe => self.touched(),
+            InputMeaning::Probe | InputMeaning::ToolSetter => self.touched(),
             // To read it anew takes an operator, who is told what it begins with.
             InputMeaning::CycleStart if self.rests_aside() => self.tell(Event::SetAside),
             InputMeaning::CycleStart

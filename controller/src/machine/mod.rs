@@ -27,7 +27,7 @@ pub use homing::{
 };
 pub use io_node::IoNode;
 pub use node::{Node, Seat};
-pub use probing::{ProbeCaptures, Probing};
+pub use probing::{ProbeCaptures, Probing, Touched};
 pub(crate) use read::TURN;
 pub use signals::{
     AnalogInput, AnalogOutput, AnalogSource, Input, InputMeaning, MOST_INPUTS, Output, OutputSwitch,
@@ -45,7 +45,6 @@ use std::{
     time::Duration,
 };
 use syncline_canopen::NodeId;
-use syncline_drives::mechanics::touch_probe::TouchProbe;
 use syncline_drives::model::{
     Ability, Assumed, Device, Direction, Heartbeat, Increments, IoSettings, Model, Scaling,
     Settings, Write,
@@ -86,7 +85,7 @@ pub struct Machine {
     /// What holds for probing.
     pub probing: Probing,
     /// What a simulated probe touches, if there is anything.
-    pub workpieces: Option<TouchProbe>,
+    pub touched: Touched,
     /// What its setpoints go through on their way from the path to the drives.
     pub shaper: Shaper,
     /// How its axes go back to a path that they were jogged off; `None`: on a straight line.

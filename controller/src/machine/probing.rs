@@ -1,4 +1,4 @@
-//! `[probing]`: what holds for G38.2 to G38.5, and `[simulation]`: what a simulated probe touches.
+//! `[probing]`: what holds for G38.2 to G38.5, and `[simulation]`: what a simulated probe touches, and a tool.
 
 use super::simulation::{number, number_or};
 use super::{Drive, Input, InputMeaning};
@@ -33,11 +33,16 @@ pub struct ProbeCaptures {
 }
 
 impl ProbeCaptures {
-    /// Of a drive that a probe is wired to, if a capture of it sees that.
+    /// Of a drive that a probe or, if there is none, a tool setter is wired to, if a capture of it sees that.
     #[must_use]
     pub fn new(drive: usize, drives: &[Drive], inputs: &[Input]) -> Option<Self> {
-        let mut wired = inputs.iter().filter(|input| input.node == drive);
-        let probe = wired.find(|input| input.meaning == InputMeaning::Probe)?;
+        let wired = inputs.iter().filter(|input| input.node == drive);
+        let mut probed = wired.filter(|input| input.meaning.is_probed());
+        let first = probed.next()?;
+        let probe = match first.meaning {
+            InputMeaning::Probe => first,
+            _ => (probed.find(|input| input.meaning == InputMeaning::Probe)).unwrap_or(first),
+        };
         let model = drives.get(drive)?.model;
         Some(Self {
             touches: model.capture(probe.signal, !probe.active_low)?,
@@ -85,8 +90,29 @@ const FACINGS: [(&str, [f64; 3]); 6] = [
     ("-Z", [0.0, 0.0, -1.0]),
 ];
 
+/// What is touched in a simulation.
+#[derive(Clone, Debug, Default)]
+pub struct Touched {
+    /// The work pieces, and the ball of the probe that touches them.
+    pub workpieces: Option<TouchProbe>,
+    /// The tool setter as the spindle's nose meets it: higher by how far the tool sticks out.
+    pub tool_setter: Option<TouchProbe>,
+}
+
+impl Touched {
+    /// Each, and the inputs that tell.
+    pub fn all(&self) -> impl Iterator<Item = (&TouchProbe, InputMeaning)> {
+        let Self {
+            workpieces,
+            tool_setter,
+        } = self;
+        let workpieces = workpieces.iter().map(|it| (it, InputMeaning::Probe));
+        workpieces.chain(tool_setter.iter().map(|it| (it, InputMeaning::ToolSetter)))
+    }
+}
+
 /// `[simulation]` of a machine file.
-pub(super) fn simulated(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<TouchProbe> {
+pub(super) fn simulated(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Touched> {
     let ball = number_or(
         log,
         &mut table,
@@ -96,11 +122,37 @@ pub(super) fn simulated(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<T
         "(mm, its diameter)",
     );
     let pieces = table.tables_if(log, "workpiece", "name");
+    let setter = table.table_if(log, "tool_setter", "a table [simulation.tool_setter]");
     table.finish(log);
     let solids: Vec<_> = (pieces.into_iter().map(|piece| solid(log, piece))).collect();
-    Some(TouchProbe {
-        radius: 0.5 * ball,
-        solids: solids.into_iter().collect::<Option<_>>()?,
+    let tool_setter = match setter {
+        Some(setter) => Some(TouchProbe {
+            radius: 0.0,
+            solids: vec![tool_setter(log, setter)?],
+        }),
+        None => None,
+    };
+    Some(Touched {
+        workpieces: Some(TouchProbe {
+            radius: 0.5 * ball,
+            solids: solids.into_iter().collect::<Option<_>>()?,
+        }),
+        tool_setter,
+    })
+}
+
+/// `[simulation.tool_setter]`: upright, and met by the middle of a tool's tip.
+fn tool_setter(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Solid> {
+    let [x, y, top] = ["x", "y", "z"].map(|key| number(log, &mut table, key, PLACE, "(mm)"));
+    let diameter = number_or(log, &mut table, "diameter", 10.0, 0.1..=1e3, "(mm)");
+    let length = number_or(log, &mut table, "tool_length", 0.0, 0.0..=1e4, "(mm)");
+    table.finish(log);
+    // As far down as anything goes.
+    let low = *PLACE.start();
+    Some(Solid::Cylinder {
+        foot: [x?, y?, low],
+        radius: 0.5 * diameter,
+        height: top? + length - low,
     })
 }
 

@@ -21,7 +21,6 @@ use super::{
     PathTolerances, Probing, Validation, assumed, spindle, validation,
 };
 use std::{collections::BTreeMap, ops::Range, path::Path, time::Duration};
-use syncline_drives::mechanics::touch_probe::TouchProbe;
 use syncline_drives::model::{Ability, Assumed, Direction, Increments, MODELS, Model, Scaling};
 use syncline_gcode as gcode;
 use syncline_strict_toml::{Diagnostic, Log, Table, nearest, one_of};
@@ -69,7 +68,7 @@ struct Tables {
     spindle: Option<SpindleTable>,
     homing: Spanned<HomingPolicy>,
     probing: Probing,
-    workpieces: Option<TouchProbe>,
+    touched: probing::Touched,
     shaper: Option<ShaperTable>,
     retraction: Option<RetractionTable>,
     validation: Validation,
@@ -128,7 +127,7 @@ impl Tables {
         let homing = homing.unwrap_or_else(|| Table::new("homing", 0..0, &empty));
         let homing = homing::policy(log, homing);
         let probing = probing.map(|table| probing::read(log, table));
-        let workpieces = simulation.and_then(|table| probing::simulated(log, table));
+        let touched = simulation.and_then(|table| probing::simulated(log, table));
         let shaper = shaper.and_then(|table| ShaperTable::read(log, table));
         let retraction = retraction.and_then(|table| RetractionTable::read(log, table));
         let validation = validation.map(|table| validation::read(log, table));
@@ -150,7 +149,7 @@ impl Tables {
             spindle,
             homing,
             probing: probing.unwrap_or_default(),
-            workpieces,
+            touched: touched.unwrap_or_default(),
             shaper,
             retraction,
             validation: validation.unwrap_or_default(),
@@ -279,7 +278,7 @@ impl Tables {
             spindle,
             homing: self.homing.into_inner(),
             probing: self.probing,
-            workpieces: self.workpieces,
+            touched: self.touched,
             shaper: shaper.unwrap_or_else(Shaper::none),
             retraction,
             validation: self.validation,

@@ -54,8 +54,18 @@ pub enum InputMeaning {
     Home,
     /// It is on while the probe touches something.
     Probe,
+    /// It is on while a tool touches the tool setter.
+    ToolSetter,
     /// It is on beyond an end of the travel of an axis, which goes no further there.
     Limit,
+}
+
+impl InputMeaning {
+    /// Whether it is what G38.2 to G38.5 look for, and what nothing else may touch.
+    #[must_use]
+    pub fn is_probed(self) -> bool {
+        matches!(self, Self::Probe | Self::ToolSetter)
+    }
 }
 
 /// A digital output of a drive or of an I/O node, and what the machine uses it for.
@@ -128,7 +138,7 @@ pub enum AnalogSource {
 }
 
 /// What inputs mean besides their numbers, by their names in the file.
-const MEANINGS: [(&str, InputMeaning); 8] = [
+const MEANINGS: [(&str, InputMeaning); 9] = [
     ("enable", InputMeaning::Enable),
     ("feed_hold", InputMeaning::FeedHold),
     ("cycle_start", InputMeaning::CycleStart),
@@ -136,6 +146,7 @@ const MEANINGS: [(&str, InputMeaning); 8] = [
     ("at_speed", InputMeaning::AtSpeed),
     ("home", InputMeaning::Home),
     ("probe", InputMeaning::Probe),
+    ("tool_setter", InputMeaning::ToolSetter),
     ("limit", InputMeaning::Limit),
 ];
 
@@ -294,6 +305,7 @@ fn edge_of(meaning: Option<InputMeaning>) -> Option<&'static str> {
     match meaning? {
         InputMeaning::Home => Some("home switch"),
         InputMeaning::Probe => Some("probe"),
+        InputMeaning::ToolSetter => Some("tool setter"),
         InputMeaning::Limit => Some("limit switch"),
         _ => None,
     }

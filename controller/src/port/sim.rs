@@ -9,6 +9,7 @@ use syncline_canopen::{Frame, NodeId};
 use syncline_drives::bus::{Band, BitRate};
 use syncline_drives::mechanics::rigid::Rigid;
 use syncline_drives::mechanics::rigid_beam::{RigidBeam, Side};
+use syncline_drives::mechanics::touch_probe::TouchProbe;
 use syncline_drives::model::{Direction, Increments, Model};
 use syncline_drives::twin::{self, Config, Kind, Sensor, SimulatedDevice};
 use syncline_drives::world::{
@@ -146,8 +147,10 @@ impl Simulated {
                 _ => return Err(shaft.split(machine)),
             }
         }
-        if let Some(probe) = fitted_probe(machine, |device| devices[device])? {
-            world.fit_probe(probe);
+        for touched in machine.touched.all() {
+            if let Some(probe) = fitted_probe(machine, touched, |device| devices[device])? {
+                world.fit_probe(probe);
+            }
         }
         if let Some(chain) = enable_chain(machine, |device| devices[device]) {
             world.feed_through(chain);
@@ -208,8 +211,11 @@ pub fn hosted(
             _ => return Err(shaft.split(machine)),
         }
     }
-    if let Some(probe) = fitted_probe(machine, |device| place(device).map(Hosted::at))? {
-        hosted.fit_probe(probe);
+    for touched in machine.touched.all() {
+        if let Some(probe) = fitted_probe(machine, touched, |device| place(device).map(Hosted::at))?
+        {
+            hosted.fit_probe(probe);
+        }
     }
     if let Some(chain) = enable_chain(machine, |device| place(device).map(Hosted::at)) {
         hosted.feed_through(chain);
@@ -282,17 +288,12 @@ fn turning(drive: &SpindleDrive, config: Config) -> Config {
 /// Some are in it, others are not.
 fn fitted_probe(
     machine: &Machine,
+    (probe, told): (&TouchProbe, InputMeaning),
     device: impl Fn(usize) -> Option<DeviceId>,
 ) -> Result<Option<FittedProbe>, PortError> {
-    let Some(probe) = &machine.workpieces else {
-        return Ok(None);
-    };
     let moving = |letter: gcode::Axis| machine.axes.iter().find(|axis| axis.letter == letter);
     let axes = [gcode::Axis::X, gcode::Axis::Y, gcode::Axis::Z].map(moving);
-    let probes = machine
-        .inputs
-        .iter()
-        .filter(|input| input.meaning == InputMeaning::Probe);
+    let probes = machine.inputs.iter().filter(|input| input.meaning == told);
     let drives = axes.iter().flatten().flat_map(|axis| axis.drives.clone());
     let concerned: Vec<usize> = drives
         .chain(probes.clone().map(|input| input.node))
@@ -307,8 +308,8 @@ fn fitted_probe(
     if here < concerned.len() {
         return Err(PortError {
             bus: machine.buses[machine.node(concerned[0]).bus].name.clone(),
-            what: "the work pieces of [simulation] are touched by what is not simulated by one clock: let all \
-                   buses be \"sim\", put all devices on one bus, or take the work pieces out"
+            what: "the work pieces or the tool setter of [simulation] are touched by what is not simulated by one clock: let all \
+                   buses be \"sim\", put all devices on one bus, or take them out"
                 .to_owned(),
         });
     }

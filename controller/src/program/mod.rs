@@ -341,7 +341,7 @@ impl Programs {
             machine.values.iter().cloned(),
         ));
         setup.has_spindle_angle = machine.spindle_drive().is_some();
-        setup.has_probe = (machine.inputs.iter()).any(|it| it.meaning == InputMeaning::Probe);
+        setup.has_probe = (machine.inputs.iter()).any(|it| it.meaning.is_probed());
         setup.tables = tables;
         Self {
             setup,

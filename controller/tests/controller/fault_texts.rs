@@ -331,7 +331,7 @@ texts! {
     "the spindle turned with -1803 1/min in a cut, told were -2400 ± 72 1/min: look for what holds it back, tool, feed and depth of the cut, and at its drive";
 
     Fault::Touched, Fault::Touched,
-    "the probe touched something while nobody probed: move away, and look at probe, program and work";
+    "the probe touched something, or a tool the tool setter, while nobody probed: move away, and look at probe, program and work";
 
     Fault::NoPlan, Fault::NoPlan,
     "the path rests in mid-program, nobody holds it, and no plan came for 30 s: this is a defect of \

@@ -703,7 +703,7 @@ fn the_reference_is_complete() {
         .collect();
     let mut text =
         PORTAL.to_owned() + "\n[axis.simulation]\ntransmission = \"belt\"\n[path]\n[validation]\n";
-    text += "[probing]\n[simulation]\n";
+    text += "[probing]\n[simulation]\n[simulation.tool_setter]\nx = 0\ny = 0\nz = 0\n";
     text += "[[encoder]]\nname = \"screw\"\nbus = \"portal\"\nnode = 5\nmodel = \"twk_crn\"\npitch = 10.0\n";
     text += "[[io]]\nname = \"cabinet\"\nbus = \"portal\"\nnode = 6\nmodel = \"cia401\"\n";
     text += "[[user_code]]\ncode = 100\ncommand = [\"/bin/true\"]\n";
@@ -717,6 +717,7 @@ fn the_reference_is_complete() {
         ("validation", "[validation]"),
         ("probing", "[probing]"),
         ("simulation", "[simulation]"),
+        ("simulation.tool_setter", "[simulation.tool_setter]"),
         ("bus", "[[bus]]"),
         ("drive", "[[drive]]"),
         ("encoder", "[[encoder]]"),

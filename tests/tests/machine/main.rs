@@ -61,6 +61,7 @@ mod switched;
 mod test_moves;
 mod threads;
 mod told_numbers;
+mod tool_setter;
 mod trajectory;
 mod user_codes;
 mod validate;

@@ -90,7 +90,11 @@ fn contacts(rig: &mut Rig) -> Vec<Contact> {
 }
 
 fn probe(rig: &Rig) -> TouchProbe {
-    rig.machine.workpieces.clone().expect("it has work pieces")
+    rig.machine
+        .touched
+        .workpieces
+        .clone()
+        .expect("it has work pieces")
 }
 
 /// Around the box, from above, and about the cylinder.

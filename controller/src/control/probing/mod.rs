@@ -31,7 +31,7 @@ pub use failure::ProbeFailure;
 use super::axis::AxisControl;
 use super::node::DeviceNode;
 use super::{Controller, Event, Fault, Phase};
-use crate::machine::{InputMeaning, stopping_distance};
+use crate::machine::stopping_distance;
 use contact::{Contact, Samples};
 use syncline_drives::model::Capture;
 use syncline_gcode::Probe;
@@ -162,10 +162,10 @@ impl<const N: usize> Probing<N> {
 }
 
 impl<const N: usize> Controller<N> {
-    /// Whether the probe touches, by any of its inputs; `None` while none tells.
+    /// Whether the probe touches, or a tool the tool setter, by any of their inputs; `None` while none tells.
     fn touches(&self) -> Option<bool> {
         let probes = self.layout.inputs.iter();
-        let probes = probes.filter(|input| input.meaning == InputMeaning::Probe);
+        let probes = probes.filter(|input| input.meaning.is_probed());
         let levels = probes.map(|input| {
             let level = self.nodes[input.node].signal(input.signal)?;
             Some(level != input.active_low)
