@@ -50,6 +50,7 @@ mod remaining;
 mod replayed;
 mod results;
 mod resumed;
+mod resumed_homing;
 mod run;
 mod shaper;
 mod signals;

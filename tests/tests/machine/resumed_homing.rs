@@ -1,0 +1,330 @@
+//! Programs that home axes, interrupted wherever it may be, by holds, stops and faults, and resumed each time: what they
+//! home, switch and cut is what they say, in their order, and nothing is left uncut.
+
+use super::homing::{Y, settle, state, switched_on};
+use proptest::prelude::*;
+use proptest::sample::select;
+use syncline_controller::control::{Event, Row, State};
+use syncline_controller::machine::COORDINATES;
+use syncline_controller::session::Command;
+use syncline_drives::twin::{Disturbance, ErrorClass};
+use syncline_tests::rig::Rig;
+
+/// So far a cut may begin behind what is cut already: what the axes go in two cycles, mm.
+const GAP: f64 = 1.5;
+/// So near to the end of a cut it may be the one or the next, mm.
+const JOINT: f64 = 0.05;
+/// Slower, the axes rest, mm/s.
+const REST: f64 = 1.0;
+
+/// A block of a program.
+#[derive(Clone, Copy, Debug)]
+enum Block {
+    Home([bool; 3]),
+    Cut([f64; 3]),
+    Output,
+    Dwell,
+}
+
+fn block() -> impl Strategy<Value = Block> {
+    let places = (1.0..250.0, 1.0..250.0, -60.0..-1.0_f64);
+    prop_oneof![
+        1 => any::<[bool; 3]>().prop_map(Block::Home),
+        4 => places.prop_map(|(x, y, z)| Block::Cut([x, y, z])),
+        2 => Just(Block::Output),
+        1 => Just(Block::Dwell),
+    ]
+}
+
+/// What interrupts it.
+#[derive(Clone, Copy, Debug)]
+enum Interruption {
+    Hold,
+    Stop,
+    Fault,
+}
+
+fn interruption() -> impl Strategy<Value = (usize, Interruption)> {
+    let kinds = [Interruption::Hold, Interruption::Stop, Interruption::Fault];
+    (20..5000usize, select(kinds.to_vec()))
+}
+
+/// A line from one place to another, and what is done before it.
+#[derive(Debug)]
+struct Cut {
+    from: [f64; 3],
+    to: [f64; 3],
+    homings: usize,
+    outputs: u32,
+}
+
+impl Cut {
+    fn length(&self) -> f64 {
+        let squares = self
+            .from
+            .iter()
+            .zip(self.to)
+            .map(|(from, to)| (to - from).powi(2));
+        squares.sum::<f64>().sqrt()
+    }
+
+    /// How far along it a place is, if it is on it.
+    fn along(&self, at: [f64; 3]) -> Option<f64> {
+        let length = self.length();
+        let way = [0, 1, 2].map(|axis: usize| (self.to[axis] - self.from[axis]) / length);
+        let rel = [0, 1, 2].map(|axis: usize| at[axis] - self.from[axis]);
+        let along: f64 = way.iter().zip(rel).map(|(way, rel)| way * rel).sum();
+        let beside: f64 = (way.iter().zip(rel))
+            .map(|(way, rel)| (rel - way * along).powi(2))
+            .sum();
+        let is_on = beside.sqrt() < 0.01 && (-0.01..=length + 0.01).contains(&along);
+        is_on.then_some(along)
+    }
+}
+
+/// A program, what it cuts, how many homings and outputs it has, and where it ends.
+#[derive(Debug)]
+struct Part {
+    text: String,
+    cuts: Vec<Cut>,
+    homings: Vec<u32>,
+    outputs: u32,
+    ends: [f64; 3],
+}
+
+fn part(blocks: &[Block]) -> Part {
+    let mut text = "G28.2\nG90 G61.1 F12000\n".to_owned();
+    let (mut at, mut cuts, mut homings, mut outputs) = ([0.0; 3], Vec::new(), vec![1], 0);
+    for block in blocks {
+        let line = text.lines().count() as u32 + 1;
+        match *block {
+            Block::Home(axes) => {
+                text += "G28.2";
+                for (axis, name) in axes.iter().zip([" X0", " Y0", " Z0"]) {
+                    text += if *axis { name } else { "" };
+                }
+                let all = axes == [false; 3];
+                for (at, axis) in at.iter_mut().zip(axes) {
+                    *at = if axis || all { 0.0 } else { *at };
+                }
+                homings.push(line);
+            }
+            Block::Cut(to) => {
+                let to = to.map(|it| (it * 1e3).round() / 1e3);
+                text += &format!("G1 X{:.3} Y{:.3} Z{:.3}", to[0], to[1], to[2]);
+                cuts.push(Cut {
+                    from: at,
+                    to,
+                    homings: homings.len(),
+                    outputs,
+                });
+                at = to;
+            }
+            Block::Output => {
+                text += &format!("M64 P{outputs}");
+                outputs += 1;
+            }
+            Block::Dwell => text += "G4 P0.05",
+        }
+        text += "\n";
+    }
+    Part {
+        text: text + "M2\n",
+        cuts,
+        homings,
+        outputs,
+        ends: at,
+    }
+}
+
+/// Looks at all that the machine does.
+struct Watch<'p> {
+    part: &'p Part,
+    rows: usize,
+    events: usize,
+    homed: Vec<u32>,
+    /// Which cut is at work, and how far it is cut.
+    cut: usize,
+    far: f64,
+}
+
+impl Watch<'_> {
+    fn look(&mut self, rig: &Rig) {
+        for event in &rig.events[self.events..] {
+            if let Event::ProgramHomed { line } = event {
+                self.homed.push(*line);
+            }
+        }
+        self.events = rig.events.len();
+        for row in &rig.rows[self.rows..] {
+            let feeds = row.plan.feed.is_finite() && row.plan.feed > 0.0;
+            if feeds && row.plan.speed > REST && !row.plan.off_path {
+                self.cuts(row);
+            }
+        }
+        self.rows = rig.rows.len();
+    }
+
+    /// The tool cuts there.
+    fn cuts(&mut self, row: &Row<COORDINATES>) {
+        let [x, y, z, ..] = row.plan.position;
+        let Part { cuts, text, .. } = self.part;
+        let at = [x, y, z];
+        let next = self.far > cuts[self.cut].length() - GAP;
+        let found = match cuts[self.cut].along(at) {
+            Some(along) => Some((self.cut, along)),
+            None if next && self.cut + 1 < cuts.len() => {
+                let along = cuts[self.cut + 1].along(at);
+                along.map(|along| (self.cut + 1, along))
+            }
+            None => None,
+        };
+        // A cut that ends where it is resumed begins anew.
+        let again = || {
+            (0..self.cut)
+                .rev()
+                .find_map(|cut| Some((cut, cuts[cut].along(at)?)))
+        };
+        let Some((cut, along)) = found.or_else(again) else {
+            panic!(
+                "{at:?} is no part of what is to be cut now, {}: {text}",
+                self.cut
+            );
+        };
+        if cut > self.cut {
+            (self.cut, self.far) = (cut, 0.0);
+        }
+        if cut == self.cut {
+            assert!(
+                along < self.far + GAP,
+                "{} to {along} of cut {cut} is left out: {text}",
+                self.far
+            );
+            self.far = self.far.max(along);
+        }
+        let length = cuts[cut].length();
+        if (JOINT..length - JOINT).contains(&along) {
+            let outputs = (1u64 << cuts[cut].outputs) - 1;
+            assert_eq!(
+                row.functions.digital, outputs,
+                "outputs in cut {cut}: {text}"
+            );
+            assert_eq!(
+                self.homed.len(),
+                cuts[cut].homings,
+                "homed before cut {cut}: {text}"
+            );
+        }
+    }
+
+    /// Goes on by so many wake-ups, or until the machine rests.
+    fn go_on(&mut self, rig: &mut Rig, most: usize) {
+        let mut since = 0;
+        for _ in 0..most {
+            rig.step();
+            self.look(rig);
+            let rests = matches!(state(rig), State::Ready | State::Held | State::Faulted);
+            since = if rests { since + 1 } else { 0 };
+            if since > 6 {
+                return;
+            }
+        }
+    }
+
+    fn command(&mut self, rig: &mut Rig, command: Command) {
+        rig.command(command);
+        self.go_on(rig, 8);
+    }
+
+    /// Interrupts what goes on, and brings the machine to where it can be resumed.
+    fn interrupt(&mut self, rig: &mut Rig, by: Interruption) {
+        match by {
+            Interruption::Hold => self.command(rig, Command::FeedHold),
+            Interruption::Stop => self.command(rig, Command::Stop),
+            Interruption::Fault => {
+                let fault = Disturbance::Fault(ErrorClass::StopAndSwitchOff);
+                rig.twin(Y).disturb(fault);
+            }
+        }
+        // A homing waits for nobody's feed hold.
+        let waits = !matches!(by, Interruption::Hold) || state(rig) != State::Homing;
+        self.go_on(rig, if waits { usize::MAX } else { 1 });
+        if state(rig) == State::Faulted {
+            self.command(rig, Command::Reset);
+            self.go_on(rig, usize::MAX);
+        }
+    }
+
+    /// Resumes what was interrupted or held; whether there was anything.
+    fn resume(&mut self, rig: &mut Rig) -> bool {
+        match state(rig) {
+            State::Ready if rig.session.status().interrupted.is_none() => return false,
+            State::Ready | State::Held => self.command(rig, Command::Resume),
+            _ => return true,
+        }
+        true
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 10, max_shrink_iters: 30, ..ProptestConfig::default() })]
+
+    /// Whenever it is interrupted, and by what: each homing once and in its order, each cut from its beginning to its end
+    /// with what is switched before it, nothing else, and an end.
+    #[test]
+    fn what_is_interrupted_and_resumed_is_the_program(
+        blocks in prop::collection::vec(block(), 1..7),
+        interruptions in prop::collection::vec(interruption(), 1..5),
+    ) {
+        let part = part(&blocks);
+        let mut rig = switched_on(&[]);
+        rig.goes_on = false;
+        let mut watch = Watch { part: &part, rows: rig.rows.len(), events: rig.events.len(), homed: Vec::new(), cut: 0, far: 0.0 };
+        let file = rig.folder.file("part.ngc", &part.text);
+        rig.command(Command::Load(file));
+        settle(&mut rig);
+        watch.command(&mut rig, Command::Run { from_line: None });
+        for (after, by) in interruptions {
+            watch.go_on(&mut rig, after);
+            while state(&rig) == State::Held {
+                watch.command(&mut rig, Command::CycleStart);
+            }
+            if state(&rig) == State::Ready && rig.session.status().interrupted.is_none() {
+                break;
+            }
+            watch.interrupt(&mut rig, by);
+            watch.resume(&mut rig);
+        }
+        let mut patience = 60;
+        loop {
+            watch.go_on(&mut rig, usize::MAX);
+            let rests = state(&rig);
+            prop_assert!(patience > 0, "{:?}: {:?}", rests, part);
+            patience -= 1;
+            match rests {
+                State::Held => watch.command(&mut rig, Command::CycleStart),
+                _ if !watch.resume(&mut rig) => break,
+                _ => {}
+            }
+        }
+        prop_assert_eq!(rig.problems.len(), 0, "{:?}", rig.problems);
+        prop_assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+        prop_assert_eq!(&watch.homed, &part.homings, "{}", part.text);
+        if let Some(last) = part.cuts.last() {
+            prop_assert_eq!(watch.cut + 1, part.cuts.len(), "{}", part.text);
+            prop_assert!(watch.far > last.length() - GAP, "{} of {}: {}", watch.far, last.length(), part.text);
+        }
+        let [x, y, z, ..] = rig.session.status().setpoint;
+        let off = [x, y, z].iter().zip(part.ends).map(|(is, ends)| (is - ends).abs()).fold(0.0, f64::max);
+        prop_assert!(off < 1e-6, "{:?} for {:?}: {}", [x, y, z], part.ends, part.text);
+        // Whatever was switched, and switched again on the way back: the outputs come in their order.
+        let mut last = 0;
+        for row in &rig.rows {
+            let on = row.functions.digital;
+            let count = on.trailing_ones();
+            prop_assert_eq!(on, (1u64 << count) - 1, "out of order: {}", part.text);
+            last = last.max(count);
+        }
+        prop_assert_eq!(last, part.outputs, "{}", part.text);
+    }
+}
