@@ -237,8 +237,11 @@ const fn cycles(ms: u32) -> u32 {
 
 /// By how much the axis may be off behind a loss that lasts so long, mm, as start-up tells, and how far the drive's
 /// lag that is not known takes it meanwhile, where nothing corrects it.
-fn open_loop(rig: &Rig, acceleration: f64) -> f64 {
-    let extrapolation = rig.layout.extrapolation(DRIVE).expect("it is closed by it");
+fn open_loop(rig: &Rig, device: usize, acceleration: f64) -> f64 {
+    let extrapolation = rig
+        .layout
+        .extrapolation(device)
+        .expect("it is closed by it");
     extrapolation.off + OF_ACCELERATION * acceleration
 }
 
@@ -327,24 +330,36 @@ fn a_difference_is_made_up_for_once_while_nothing_is_seen() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
 
-    /// Whenever and as often as positions are missing for no longer than is stated, the axis stays within what is told.
+    /// Whenever and as often as positions are missing for no longer than is stated, those of the drive or those of the
+    /// encoder that closes the loop, the axis stays within what is told.
     #[test]
     fn an_axis_goes_on_as_it_is_sent(
         ms in prop::sample::select(vec![4, 10, 20, 40, 80]),
         losses in prop::collection::vec((20..150usize, 0.0..=1.0f64), 1..5),
+        by_encoder: bool,
     ) {
-        let mut rig = portal_with(&[(UNSUPERVISED, &patient(ms))], CIRCLES, |_, _| ());
+        let stated = format!("\nposition_loss_ms = {ms}\n\n[[axis]]");
+        let by_drive = patient(ms);
+        let by_beam = BY_ENCODER.replace("\n\n[[axis]]", &stated);
+        let (device, step, changes) = match by_encoder {
+            true => {
+                let beam = ("[[axis]]\nname = \"X\"", ENCODER);
+                (BEAM, STEP, vec![beam, (UNSUPERVISED, &*by_beam)])
+            }
+            false => (DRIVE, 0.0, vec![(UNSUPERVISED, &*by_drive)]),
+        };
+        let mut rig = portal_with(&changes, CIRCLES, |_, _| ());
         let mut row = 1;
         for (later, share) in losses {
             row += later;
             rig.run_to_row(row);
             let lost = (f64::from(cycles(ms)) * share) as u32;
-            rig.twin(DRIVE).disturb(Disturbance::LoseTPdos(lost));
+            rig.twin(device).disturb(Disturbance::LoseTPdos(lost));
             row += lost as usize;
         }
         prop_assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
         let acceleration = acceleration(100.0) + 500.0;
-        let most = bound(acceleration) + open_loop(&rig, acceleration);
+        let most = bound(acceleration) + step + open_loop(&rig, device, acceleration);
         prop_assert!(peak(&rig.rows, Y) <= most, "{} of {most}", peak(&rig.rows, Y));
         rig.trace().assert_within_limits();
     }
