@@ -114,6 +114,8 @@ pub struct Estimate {
     pub torque_delay_s: f64,
     /// How its load swings behind the transmission, if the log shows it.
     pub swing: Option<Swing>,
+    /// The highest frequency at which the setpoint moved the axis so that a swing would have shown, Hz.
+    pub seen_to_hz: f64,
     /// For how long it moved one way, without rests and reversals, s.
     pub moving_s: f64,
 }
@@ -176,6 +178,8 @@ pub fn estimate(samples: &[AxisSample], shaft: &Shaft) -> Result<Estimate, NotEs
     let elastic = motion(ELASTIC_SETTLING);
     let elastic = compared(ELASTIC_WINDOWS, |window| swinging(&elastic, shaft, window));
     let swing = elastic.as_ref().and_then(swing);
+    // A window shows what swings through it once.
+    let seen_to_hz = elastic.map_or(WINDOWS[0].recip(), |it| it[8].value);
     let elastic = elastic.map(|[one, two, three, four, delay, ..]| [one, two, three, four, delay]);
     let is_narrower =
         |elastic: &[Figure; 5]| stiff.is_none_or(|stiff| NARROWER * width(elastic) < width(&stiff));
@@ -190,6 +194,7 @@ pub fn estimate(samples: &[AxisSample], shaft: &Shaft) -> Result<Estimate, NotEs
         holding_torque,
         torque_delay_s: delay.value,
         swing,
+        seen_to_hz,
         moving_s: moves,
     })
 }

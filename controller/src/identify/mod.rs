@@ -6,11 +6,13 @@
 //!   nothing of what a simulation has behind it
 //! - `windows`: what is seen of the equation of motion, without differentiating
 //! - `fit`: how that is solved
+//! - [`tuning`]: gains for what was found
 
 pub mod estimate;
 pub mod excitation;
 mod fit;
 pub mod log;
+pub mod tuning;
 mod windows;
 
 pub use crate::observe::axis_log::AxisSample;
@@ -20,6 +22,9 @@ use estimate::{Estimate, Figure, Shaft};
 use serde::Serialize;
 use std::f64::consts::TAU;
 use std::fmt;
+use syncline_drives::twin::servo::motor::Motor;
+use syncline_drives::twin::servo::stability::{Margins, Mode};
+use tuning::Tuned;
 
 /// An axis that can be identified, and what is known of it: what stands on the name plates of motor and drive.
 #[derive(Clone, Debug)]
@@ -45,6 +50,8 @@ struct Known {
     friction: f64,
     /// N·m·s/rad.
     viscous_friction: f64,
+    /// All of it.
+    motor: Motor,
 }
 
 /// Why an axis cannot be identified, and what to do.
@@ -132,6 +139,7 @@ impl Subject {
                 inertia: moved.rotor_inertia(),
                 friction: moved.motor().friction,
                 viscous_friction: moved.motor().viscous_friction,
+                motor: moved.motor(),
             }),
             stiffness: moved
                 .and_then(|moved| moved.stiffness(axis.letter.is_linear()))
@@ -223,6 +231,11 @@ pub struct Identified {
     pub estimate: Estimate,
     /// Keys of `[axis.simulation]` that make a simulated axis of it; none where the machine file names no motor.
     pub simulation: Vec<Key>,
+    /// Gains that suit it; none where the machine file names no motor, or where none keep it from swinging.
+    pub gains: Option<Tuned>,
+    /// Its drive.
+    #[serde(skip)]
+    drive: String,
     #[serde(skip)]
     rotary: bool,
 }
@@ -242,8 +255,15 @@ impl Identified {
     #[must_use]
     pub fn new(machine: &Machine, subject: &Subject, estimate: Estimate) -> Self {
         let axis = &machine.axes[subject.axis];
+        let drive = &machine.drives[axis.drives[0]];
+        let device = machine.device(axis.drives[0]);
+        let known = subject.motor.zip(device.drive());
+        let gains = known
+            .and_then(|(known, device)| Tuned::of(&estimate, &known.motor, known.inertia, device));
         Self {
             axis: axis.name(),
+            gains,
+            drive: drive.name.clone(),
             rated_torque: subject.shaft.rated_torque,
             simulation: subject
                 .motor
@@ -281,6 +301,7 @@ impl fmt::Display for Identified {
             holding_torque,
             torque_delay_s,
             swing,
+            seen_to_hz,
             moving_s,
         } = &self.estimate;
         writeln!(
@@ -311,7 +332,10 @@ impl fmt::Display for Identified {
                     }
                 }
             }
-            None => writeln!(f, "  no resonance is identifiable from this log")?,
+            None => writeln!(
+                f,
+                "  no resonance is identifiable from this log, which shows up to {seen_to_hz:.0} Hz"
+            )?,
         }
         if self.simulation.is_empty() {
             return writeln!(
@@ -338,18 +362,54 @@ impl fmt::Display for Identified {
         }
         writeln!(f, "\n[axis.simulation]  # of axis {}", self.axis)?;
         let mut keys = self.simulation.iter();
-        keys.try_for_each(|Key { key, figure }| writeln!(f, "{key} = {}", rounded(figure)))
+        keys.try_for_each(|Key { key, figure }| writeln!(f, "{key} = {}", rounded(figure)))?;
+        match &self.gains {
+            Some(gains) => self.tell_gains(gains, f),
+            None => writeln!(f, "\nno gains keep this axis from swinging"),
+        }
+    }
+}
+
+impl Identified {
+    fn tell_gains(&self, gains: &Tuned, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Tuned {
+            speed_gain,
+            integral_time_s,
+            position_gain,
+            stability,
+            swing,
+            sdo,
+        } = gains;
+        let margins = |it: &Margins| format!("{:.0}° and {:.1} dB", it.phase, it.gain);
+        writeln!(
+            f,
+            "\ngains, for loops as simulated drives have them\n  speed loop    {} N·m·s/rad, {:.2} ms, margins {}\n  \
+             position loop {:.1} 1/s, margins {}",
+            number(*speed_gain),
+            1e3 * integral_time_s,
+            margins(&stability.speed),
+            position_gain,
+            margins(&stability.position)
+        )?;
+        if !sdo.is_empty() {
+            let entries = sdo.iter().map(|(at, value)| format!("[\"{at}\", {value}]"));
+            let entries = entries.collect::<Vec<_>>().join(", ");
+            writeln!(f, "sdo = [{entries}]  # of drive {}", self.drive)?;
+        }
+        match swing {
+            Some(Mode { frequency, damping }) => writeln!(
+                f,
+                "\n[shaper]  # what they leave swinging of axis {}\nkind = \"zvd\"\nmodes = [[{frequency:.2}, {damping:.3}]]",
+                self.axis
+            ),
+            None => writeln!(f, "they leave nothing swinging that a shaper is needed for"),
+        }
     }
 }
 
 /// A number with its uncertainty.
 fn row(f: &mut fmt::Formatter<'_>, name: &str, figure: &Figure, unit: &str) -> fmt::Result {
     let Figure { value, uncertainty } = figure;
-    let number = |value: f64| match value.abs() {
-        0.01..10000.0 => format!("{value:.4}"),
-        0.0 => "0".to_owned(),
-        _ => format!("{value:.3e}"),
-    };
     let (value, wide) = (*value, figure.part());
     let mark = if wide > UNCERTAIN { "  uncertain" } else { "" };
     writeln!(
@@ -359,6 +419,14 @@ fn row(f: &mut fmt::Formatter<'_>, name: &str, figure: &Figure, unit: &str) -> f
         number(*uncertainty),
         100.0 * wide
     )
+}
+
+fn number(value: f64) -> String {
+    match value.abs() {
+        0.01..10000.0 => format!("{value:.4}"),
+        0.0 => "0".to_owned(),
+        _ => format!("{value:.3e}"),
+    }
 }
 
 /// From this part of its value on, an uncertainty is told as one.

@@ -12,6 +12,24 @@
 use syncline_canopen::dictionary::DataType::{I8, I16, I32, Text, U8, U16, U32};
 use syncline_canopen::dictionary::{Entry, ro, rw, table};
 
+/// Units of the loops' objects, all of them assumptions: the manual at hand does not print them.
+pub(crate) mod units {
+    /// Of a time, s.
+    pub(crate) const TIME: f64 = 1e-5;
+    /// Of a gain of the position loop, 1/s.
+    pub(crate) const POSITION_GAIN: f64 = 0.1;
+    /// Of a share.
+    pub(crate) const SHARE: f64 = 1e-3;
+    /// Of a frequency, Hz.
+    pub(crate) const FREQUENCY: f64 = 0.1;
+    /// Of a current, A.
+    pub(crate) const CURRENT: f64 = 0.01;
+    /// Of a gain of the speed loop, A/rpm.
+    pub(crate) const SPEED_GAIN: f64 = 1e-4;
+    /// A revolution a minute, rev/s.
+    pub(crate) const RPM: f64 = 1.0 / 60.0;
+}
+
 /// The table, in ascending order.
 #[rustfmt::skip]
 pub static LXM32M: &[Entry] = &table(keep_settings([

@@ -12,6 +12,7 @@ pub use cia401::CIA401;
 pub use cia402_csp::CIA402_CSP;
 pub use cia406::CIA406;
 pub use lxm32m::LXM32M;
+pub(crate) use lxm32m::units as lxm32m_units;
 pub use tlc5xx::{PRINTED as TLC5XX_PRINTED, TLC5XX};
 pub use tsp10::TSP10;
 pub use twk_crn::{TWK_CRN_4096, TWK_CRN_8192, TWK_CRN_TURNS};

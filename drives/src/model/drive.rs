@@ -106,9 +106,27 @@ pub trait Drive: Feedback {
         None
     }
 
+    /// What sets the gains of its loops; empty where its objects for them are not known, or do not hold such a
+    /// gain.
+    fn tuning(&self, gains: &LoopGains) -> Vec<Write> {
+        let _ = gains;
+        Vec::new()
+    }
+
     /// Its R_PDOs of this cycle, one each in `frames`. What [`Drive::check`] refuses goes to the end
     /// of the range.
     fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]);
+}
+
+/// Gains of the loops of a drive, as amplifiers have them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoopGains {
+    /// Speed loop, A for a revolution a second.
+    pub speed: f64,
+    /// Its integral time, s.
+    pub integral_time: f64,
+    /// Position loop, 1/s.
+    pub position: f64,
 }
 
 impl Clone for Box<dyn Drive> {

@@ -7,10 +7,11 @@ use super::profile::cia402::{self, INTERPOLATION_DELAY};
 use super::profile::communication::{self, SDO_RESPONSE, T_PDO_RESPONSE};
 use super::{
     Ability, Address, Assumption, CaptureInput, ClockLock, Data, Drive, DriveStatus, Feedback,
-    Identity, Increments, IndexDistance, Io, Make, ModeDisplay, Model, NodeSpec, OwnHoming,
-    PowerCommand, RemoteNode, Sample, Setpoint, Setpoints, Settings, Survey, TorqueLimit, Write,
+    Identity, Increments, IndexDistance, Io, LoopGains, Make, ModeDisplay, Model, NodeSpec,
+    OwnHoming, PowerCommand, RemoteNode, Sample, Setpoint, Setpoints, Settings, Survey,
+    TorqueLimit, Write,
 };
-use crate::dictionary;
+use crate::dictionary::{self, lxm32m_units as units};
 use core::time::Duration;
 use syncline_canopen::{
     CobId, Frame, NodeId,
@@ -65,6 +66,9 @@ const SYNC_LOCKED: Assumption = Assumption {
     allowed: 0..=65_535,
     meaning: "value of SyncMechStatus (3022h:6) once the drive's clock follows SYNC",
 };
+
+/// A gain that its object holds less exactly than by this part is another one.
+const ROUNDED: f64 = 0.03;
 
 /// `SyncMechTol` (3022h:4, 2579) is set to 1 (1635). Of what, the manual at hand does not say: assumed to be
 /// a quarter of a millisecond.
@@ -396,6 +400,24 @@ impl Drive for Lxm32m {
         })
     }
 
+    /// `CTRL1_KPn`, `CTRL1_TNn`, `CTRL1_KPp` (2438-2440).
+    fn tuning(&self, gains: &LoopGains) -> Vec<Write> {
+        let scaled = [
+            gains.speed / units::SPEED_GAIN * units::RPM,
+            gains.integral_time / units::TIME,
+            gains.position / units::POSITION_GAIN,
+        ];
+        let fit =
+            |it: &f64| it.round() <= f64::from(u16::MAX) && (it.round() / it - 1.0).abs() < ROUNDED;
+        if !scaled.iter().all(fit) {
+            return Vec::new();
+        }
+        let subs = 1..;
+        let write =
+            |(sub, value): (u8, f64)| Write::new(0x3012, sub, Data::u16(value.round() as u16));
+        subs.zip(scaled).map(write).collect()
+    }
+
     fn io(&self) -> Option<&dyn Io> {
         (self.tells_signals() || self.sets_outputs()).then_some(self)
     }
@@ -518,6 +540,23 @@ mod tests {
                 own,
             ]
         );
+    }
+
+    #[test]
+    fn gains_are_written_as_their_objects_hold_them() {
+        let drive = Lxm32m::new(&settings(1, 2));
+        let gains = LoopGains {
+            speed: 0.6,
+            integral_time: 0.02,
+            position: 45.7,
+        };
+        let written = [(1, 100), (2, 2000), (3, 457)];
+        let written = written.map(|(sub, value)| Write::new(0x3012, sub, Data::u16(value)));
+        assert_eq!(drive.tuning(&gains), written);
+        // A count and a half is none, and more than 65,535 neither.
+        for speed in [0.009, 400.0] {
+            assert_eq!(drive.tuning(&LoopGains { speed, ..gains }), []);
+        }
     }
 
     #[test]

@@ -37,7 +37,7 @@ mod twk_crn;
 pub use capture::{Capture, CaptureInput};
 pub use described::{Description, Lack};
 pub use drive::{
-    Drive, DriveStatus, Dynamics, IndexDistance, ModeDisplay, NotFollowing, OwnHoming,
+    Drive, DriveStatus, Dynamics, IndexDistance, LoopGains, ModeDisplay, NotFollowing, OwnHoming,
     PowerCommand, PowerState, Setpoint, StatusWord, Survey,
 };
 pub use feedback::{Feedback, Sample, unwrapped};

@@ -8,6 +8,12 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::thread;
 use std::time::Duration;
+use syncline_drives::mechanics::drive_train::{DriveTrain, Elasticity};
+use syncline_drives::mechanics::friction::Friction;
+use syncline_drives::twin::servo::cascade::Gains;
+use syncline_drives::twin::servo::motor::{MOTORS as GENERIC, Motor};
+use syncline_drives::twin::servo::power_stage::CURRENT_BANDWIDTH;
+use syncline_drives::twin::servo::stability::{Distance, Stability, Tuning};
 use syncline_tests::command::{Folder, ended, machine_file, syncline};
 
 /// Rated torque, N·m, rotor inertia, kg·m², Coulomb and viscous friction, N·m and N·m·s/rad, of the generic motors.
@@ -174,8 +180,93 @@ impl Plant {
     }
 }
 
+impl Plant {
+    fn motor(&self) -> Motor {
+        let named = GENERIC.iter().find(|it| it.name == self.motor);
+        *named.expect("a generic one")
+    }
+
+    /// What a motor turns, as it truly is.
+    fn train(&self) -> DriveTrain {
+        let rotor = self.motor().rotor_inertia;
+        let load = self.truth[0] - rotor;
+        let viscous = |viscous| Friction {
+            viscous,
+            ..Friction::coulomb(0.0)
+        };
+        let own = self.motor().viscous_friction;
+        let spring = |[hertz, _, damping]: [f64; 3]| {
+            let stiffness = load * (TAU * hertz).powi(2);
+            Elasticity {
+                stiffness,
+                damping: 2.0 * damping * (stiffness * rotor * load / self.truth[0]).sqrt(),
+                play: 0.0,
+            }
+        };
+        DriveTrain {
+            rotor_inertia: rotor,
+            load_inertia: load,
+            elasticity: self.swing.map(spring),
+            bearing: viscous(own),
+            guide: viscous(self.truth[2] - own),
+            ..DriveTrain::default()
+        }
+    }
+
+    /// Loops as they are commissioned where nothing gives way.
+    fn commissioned(&self) -> Gains {
+        let stiff = DriveTrain {
+            elasticity: None,
+            ..self.train()
+        };
+        Gains::commissioned(&self.motor(), &stiff)
+    }
+
+    /// What gains that are proposed come to on the true axis.
+    fn stability(&self, found: &Value) -> Option<Stability> {
+        let gain = |key: &str| found["gains"][key].as_f64();
+        let gains = Gains {
+            speed: TAU * gain("speed_gain")?,
+            speed_integral_time: gain("integral_time_s")?,
+            position: gain("position_gain")?,
+            ..self.commissioned()
+        };
+        Tuning::new(self.train(), CURRENT_BANDWIDTH).stability(&gains)
+    }
+
+    /// The greatest following error of some strokes with these entries of `sdo`, mm.
+    fn following_error(&self, folder: &Folder, sdo: &[(u16, u64)]) -> f64 {
+        let entries = sdo
+            .iter()
+            .map(|(sub, value)| format!("[\"3012:{sub}\", {value}]"));
+        let entries = entries.collect::<Vec<_>>().join(", ");
+        let text = self.machine(false).replace(
+            "model = \"lxm32m\"",
+            &format!("model = \"lxm32m\"\nsdo = [{entries}]"),
+        );
+        let machine = folder.file("tuned.toml", &text);
+        let far = 0.9 * self.travel;
+        let strokes = format!("G21 G90 G61\nG0 Y{far:.3}\nG0 Y{:.3}\nG0 Y0\nM2\n", -far);
+        let program = folder.file("strokes.ngc", &strokes);
+        let mut command = syncline();
+        let output = command.args(["validate", "--json", "-"]);
+        let output = output.args([&machine, &program]).output().unwrap();
+        let (code, json, errors) = ended(&output);
+        assert_eq!(code, 0, "{errors}\n{self:?}");
+        let run: Value = serde_json::from_str(json).unwrap();
+        run["axes"][0]["max_following_error_mm"].as_f64().unwrap()
+    }
+}
+
 /// How far a figure may be off without saying so.
 const WITHIN: f64 = 0.03;
+
+/// What gains that are proposed keep at least.
+const PROMISED: Distance = Distance {
+    phase: 45.0,
+    gain: 8.0,
+    peak: f64::INFINITY,
+};
 
 /// What came of so many plants.
 #[derive(Debug, Default)]
@@ -193,6 +284,8 @@ struct Tally {
     worst: [f64; 4],
     /// Whose load swings.
     swings: usize,
+    /// Whose proposed gains keep 45° and 8 dB on the true axis.
+    stable: usize,
     /// Of antiresonance, resonance and damping ratio: how many are told, are within 3 %, have an interval that holds the
     /// truth, and are off by more with an interval that is narrower.
     swing: [[usize; 4]; 3],
@@ -218,6 +311,12 @@ fn tally(count: usize, dice: &mut Dice) -> Tally {
                 tally.worst[at] = tally.worst[at].max(error);
             }
         }
+        let stability = plant.stability(&found);
+        let keeps = stability.is_some_and(|it| it.keeps(&PROMISED));
+        tally.stable += usize::from(keeps);
+        if !keeps {
+            println!("{stability:?} of {plant:?}: {}", found["gains"]);
+        }
         tally.swings += usize::from(plant.swing.is_some());
         for (sums, told) in tally.swing.iter_mut().zip(plant.swing_errors(&found)) {
             let Some([error, said]) = told else { continue };
@@ -240,6 +339,7 @@ fn drawn_plants_are_found_or_said_to_be_uncertain() {
     let tally = tally(3, &mut Dice(3));
     assert_eq!(tally.unflagged, 0, "{tally:?}");
     assert!(tally.right >= 2, "{tally:?}");
+    assert_eq!(tally.stable, 3, "{tally:?}");
 }
 
 /// What the numbers in docs/measured.md are of. The second hundred was drawn when the estimator stood.
@@ -256,6 +356,7 @@ fn of_a_hundred_drawn_plants_those_that_are_off_say_so() {
             std::array::from_fn(|at| tally.swing.iter().map(|it| it[at]).sum::<usize>());
         assert!(held * 10 >= told * 9, "{tally:?}");
         assert_eq!(narrow, 0, "{tally:?}");
+        assert_eq!(tally.stable, 100, "{tally:?}");
         assert!(tally.swing[0][0] * 10 >= tally.swings * 7, "{tally:?}");
     }
 }
@@ -285,6 +386,49 @@ fn a_load_behind_a_spring_is_found_and_written() {
     for key in ["load", "stiffness", "damping"] {
         let [found, is] = [&written, &truth].map(|text| number(text, key));
         assert!((found / is - 1.0).abs() < 0.1, "{key}: {found}, not {is}");
+    }
+}
+
+/// An axis that is tuned by what was found of it follows as one that is tuned by what is true of it, and its drive takes the
+/// entries that are told.
+#[test]
+fn an_axis_follows_as_with_gains_for_what_is_true_of_it() {
+    let folder = Folder::new();
+    let mut dice = Dice(23);
+    let plants = std::iter::repeat_with(|| Plant::drawn(&mut dice));
+    // Whose swing is told, and whose gains their objects hold.
+    let is_told = |plant: &Plant| {
+        let swings = plant
+            .swing
+            .is_some_and(|[hertz, ..]| (8.0..30.0).contains(&hertz));
+        plant.model == "lxm32m" && swings && plant.rated_torque > 2.0
+    };
+    for plant in plants.filter(is_told).take(2) {
+        let found = plant.identified(&folder, &[]);
+        let told: Vec<(u16, u64)> = (1..)
+            .zip(found["gains"]["sdo"].as_array().unwrap())
+            .map(|(sub, entry)| (sub, entry[1].as_u64().unwrap()))
+            .collect();
+        let tuning = Tuning::new(plant.train(), CURRENT_BANDWIDTH);
+        let like = plant.commissioned();
+        let wanted = Distance {
+            phase: 50.0,
+            gain: 9.5,
+            peak: 1.1,
+        };
+        let gains = tuning.tuned(&like, &wanted).unwrap();
+        let true_ones = [
+            gains.speed / plant.motor().torque_constant / 60.0 / 1e-4,
+            gains.speed_integral_time / 1e-5,
+            gains.position / 0.1,
+        ];
+        let true_ones = (1..).zip(true_ones.map(|it| it.round() as u64));
+        let [with, by] =
+            [told, true_ones.collect()].map(|sdo| plant.following_error(&folder, &sdo));
+        assert!(
+            (with / by - 1.0).abs() < 0.2,
+            "{with} mm, {by} mm: {plant:?}"
+        );
     }
 }
 

@@ -3,8 +3,8 @@
 //! supply.
 
 use super::drive::Drive;
-use super::parameter_sets::CURRENT;
 use super::units::INCREMENTS_PER_REVOLUTION;
+use crate::dictionary::lxm32m_units::CURRENT;
 use crate::twin::servo::firmware::ServoFirmware;
 use crate::twin::servo::motor::Motor;
 use crate::twin::servo::power_stage::{DcBus, PowerStage};

@@ -3,6 +3,9 @@
 //! and selection are assumptions, in the table of `docs/lxm32m.md`. 0 leaves what [`Gains`] say.
 
 use super::drive::Drive;
+use crate::dictionary::lxm32m_units::{
+    CURRENT, FREQUENCY, POSITION_GAIN, RPM, SHARE, SPEED_GAIN, TIME,
+};
 use crate::twin::servo::cascade::Gains;
 use crate::twin::servo::filter::{NotchShape, OvershootSuppression};
 use syncline_canopen::Address;
@@ -13,16 +16,6 @@ const SET_2: i64 = 2;
 /// 3011h:16: from set 1 to set 2, and back.
 const COPY_1_TO_2: i64 = 1;
 const COPY_2_TO_1: i64 = 2;
-
-/// Units, all of them assumptions: a time, an angular frequency of the position loop, a share, a
-/// frequency, a current, a gain of the speed loop in A/rpm, a speed in rev/s.
-const TIME: f64 = 1e-5;
-const POSITION_GAIN: f64 = 0.1;
-const SHARE: f64 = 1e-3;
-const FREQUENCY: f64 = 0.1;
-pub(super) const CURRENT: f64 = 0.01;
-const SPEED_GAIN: f64 = 1e-4;
-const RPM: f64 = 1.0 / 60.0;
 
 macro_rules! parameters {
     ($($(#[$doc:meta])* $name:ident = $sub:literal;)*) => {

@@ -26,4 +26,5 @@ pub mod motor;
 pub mod power_stage;
 pub mod ramp;
 pub mod shaft;
+pub mod stability;
 pub mod velocity;

@@ -29,7 +29,7 @@ use core::f64::consts::TAU;
 const HYSTERESIS: f64 = 0.05;
 
 /// Bandwidth of the current loop, rad/s: 1 kHz, an assumption.
-const CURRENT_BANDWIDTH: f64 = TAU * 1000.0;
+pub const CURRENT_BANDWIDTH: f64 = TAU * 1000.0;
 
 /// A power supply with its capacitor and its braking resistor. Defaults are those of a drive of some
 /// kilowatts at 400 V: assumptions.

@@ -1,0 +1,247 @@
+//! What is computed of loops against loops that run, on axes without Coulomb friction and an encoder without noise.
+
+use super::*;
+use crate::mechanics::drive_train::Elasticity;
+use crate::mechanics::friction::Friction;
+use crate::twin::random::Random;
+use crate::twin::servo::cascade::{Cascade, Reference, SPEED_STEPS};
+use crate::twin::servo::encoder::{Encoder, EncoderErrors};
+use crate::twin::servo::motor::Motor;
+use crate::twin::servo::shaft::Shaft;
+use proptest::prelude::*;
+use syncline_canopen::Instant;
+
+/// So fine that it is nearly continuous.
+const COUNTS: f64 = 1e9;
+
+/// What identified axes are tuned to, and more.
+const DISTANCE: Distance = Distance {
+    phase: 50.0,
+    gain: 9.5,
+    peak: 1.1,
+};
+
+fn axis(rotor_inertia: f64, load_inertia: f64, spring: Option<(f64, f64)>) -> DriveTrain {
+    let reduced = rotor_inertia * load_inertia / (rotor_inertia + load_inertia);
+    let viscous = Friction {
+        viscous: 1e-3 * (rotor_inertia + load_inertia),
+        ..Friction::coulomb(0.0)
+    };
+    DriveTrain {
+        rotor_inertia,
+        load_inertia,
+        elasticity: spring.map(|(antiresonance, damping)| {
+            let stiffness = load_inertia * (TAU * antiresonance).powi(2);
+            Elasticity {
+                stiffness,
+                damping: 2.0 * damping * (stiffness * reduced).sqrt(),
+                play: 0.0,
+            }
+        }),
+        bearing: viscous,
+        guide: viscous,
+        ..DriveTrain::default()
+    }
+}
+
+/// Motors and loads of all sizes, stiff ones and such whose antiresonance is from 5 to 300 Hz.
+fn axes() -> impl Strategy<Value = DriveTrain> {
+    let spring = prop::option::weighted(0.8, (5.0_f64.ln()..300.0_f64.ln(), 0.005..0.2));
+    (-5.0..-2.0, -0.7..1.0, spring).prop_map(|(rotor, ratio, spring)| {
+        let rotor = 10_f64.powf(rotor);
+        let spring = spring.map(|(antiresonance, damping)| (antiresonance.exp(), damping));
+        axis(rotor, rotor * 10_f64.powf(ratio), spring)
+    })
+}
+
+/// A cascade that moves an axis.
+struct Running {
+    cascade: Cascade,
+    shaft: Shaft,
+    encoder: Encoder,
+    reading: i64,
+    steps: u32,
+}
+
+impl Running {
+    fn new(gains: &Gains, train: &DriveTrain) -> Self {
+        let unlimited = Gains {
+            torque_limit: f64::MAX,
+            speed_limit: f64::MAX,
+            ..gains.clone()
+        };
+        Self {
+            cascade: Cascade::new(unlimited, 0),
+            shaft: Shaft::new(train.clone(), 0.0),
+            encoder: Encoder::new(COUNTS, EncoderErrors::default(), Random::new(0, 0)),
+            reading: 0,
+            steps: 0,
+        }
+    }
+
+    /// Follows a reference, in revolutions, for so long; what time, motor and load were, step by step.
+    fn run(&mut self, seconds: f64, reference: impl Fn(f64) -> Reference) -> Vec<[f64; 3]> {
+        let steps = (seconds / STEP) as u32;
+        let step = |_| {
+            let reference = reference(f64::from(self.steps) * STEP);
+            if self.steps.is_multiple_of(SPEED_STEPS) {
+                self.cascade.position_step(reference, self.reading, COUNTS);
+            }
+            let torque = (self.cascade).speed_step(reference, self.reading, COUNTS, STEP, false);
+            self.shaft.step(Instant::ZERO, STEP, torque, true);
+            self.reading = self.encoder.read(&self.shaft, 0.0);
+            self.steps += 1;
+            [
+                f64::from(self.steps) * STEP,
+                self.shaft.velocity(),
+                self.shaft.load_position(),
+            ]
+        };
+        (0..steps).map(step).collect()
+    }
+}
+
+fn at(position: f64) -> Reference {
+    Reference::Position {
+        position: position * COUNTS,
+        velocity: 0.0,
+        acceleration: 0.0,
+    }
+}
+
+/// Of the commissioned loops, which suit any axis somehow.
+fn commissioned(train: &DriveTrain) -> Gains {
+    Gains::commissioned(&Motor::default(), train)
+}
+
+/// PI on an inertia, so slow that it is continuous: tan φ = ω Tᵢ.
+#[test]
+fn the_phase_margin_of_an_inertia_is_that_of_its_integral() {
+    for integral_time in [0.05, 0.2, 1.0] {
+        let train = axis(1e-3, 1e-3, None);
+        let gains = Gains {
+            speed: TAU * 20.0 * 2e-3,
+            speed_integral_time: integral_time,
+            speed_filter: 0.0,
+            speed_reference_filter: 0.0,
+            ..commissioned(&train)
+        };
+        let tuning = Tuning::new(train, f64::INFINITY);
+        let margins = tuning.stability(&gains).unwrap().speed;
+        let turned = (TAU * margins.crossover * integral_time).atan();
+        let error = margins.phase - turned.to_degrees();
+        // The loop's own delay is a step: 0.07° at 20 rad/s.
+        assert!(error.abs() < 0.3, "{integral_time} s: {margins:?}, {error}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+
+    /// A sine that the position loop is to follow: the load does what is computed, in size.
+    #[test]
+    fn a_load_follows_a_sine_as_computed(train in axes(), hertz in 1.0_f64.ln()..60.0_f64.ln(), slower in 0.3..1.0) {
+        let gains = Gains { position: commissioned(&train).position * slower, ..commissioned(&train) };
+        prop_assume!(Tuning::new(train.clone(), f64::INFINITY).stability(&gains).is_some());
+        // A whole number of steps of the position loop in a period.
+        let period = (hertz.exp() * POSITION_STEP).recip().round() * POSITION_STEP;
+        let s = Complex::new(0.0, TAU / period);
+        let expected = OpenLoops::at(&gains, &Response::at(&train, s), f64::INFINITY).load;
+        let mut running = Running::new(&gains, &train);
+        running.run(4.0, |t| at(0.01 * (TAU * t / period).sin()));
+        let periods = (0.5 / period).ceil();
+        let seen = running.run(periods * period + 0.5 * STEP, |t| at(0.01 * (TAU * t / period).sin()));
+        let sum = seen.iter().fold(Complex::from(0.0), |sum, [t, _, load]| {
+            sum + (-s * *t).exp() * *load
+        });
+        let found = sum * (2.0 / (0.01 * seen.len() as f64)) * Complex::i();
+        let error = (found - expected).modulus() / expected.modulus().max(0.01);
+        prop_assert!(error < 0.02, "{found} instead of {expected} at {} Hz", period.recip());
+    }
+
+    /// A gain that is greater by less than the margin lets the speed loop rest, one that is greater by more does not.
+    #[test]
+    fn a_loop_swings_beyond_its_gain_margin(train in axes(), is_beyond: bool) {
+        let gains = commissioned(&train);
+        let tuning = Tuning::new(train.clone(), f64::INFINITY);
+        // Up to where it is not stable any more.
+        let more = |decibels: f64| Gains {
+            speed: gains.speed * 10_f64.powf(decibels / 20.0),
+            ..gains.clone()
+        };
+        prop_assume!(tuning.stability(&gains).is_some());
+        let mut edge = 0.0;
+        while tuning.stability(&more(edge + 0.25)).is_some() {
+            edge += 0.25;
+            prop_assume!(edge < 60.0);
+        }
+        let margin = tuning.stability(&more(edge)).unwrap().speed.gain;
+        prop_assert!(margin < 0.5, "{margin} dB at the edge of {edge} dB");
+        let mut running = Running::new(&more(edge + if is_beyond { 1.0 } else { -1.0 }), &train);
+        let kick = running.run(0.02, |_| Reference::Velocity(0.01));
+        let most = |seen: &[[f64; 3]]| seen.iter().map(|it| it[1].abs()).fold(0.0, f64::max);
+        let later = running.run(1.0, |_| Reference::Velocity(0.0));
+        let (early, late) = (most(&kick), most(&later[later.len() * 3 / 4..]));
+        prop_assert_eq!(late > early, is_beyond, "{} dB: from {} to {}", edge, early, late);
+    }
+
+    /// Gains that are found keep the distance, and more of the position loop's would not.
+    #[test]
+    fn tuned_loops_keep_their_distance(train in axes()) {
+        let tuning = Tuning::new(train.clone(), f64::INFINITY);
+        let gains = tuning.tuned(&commissioned_like(&train), &DISTANCE);
+        let gains = gains.expect("every axis can be held slowly");
+        let found = tuning.stability(&gains).unwrap();
+        prop_assert!(found.keeps(&DISTANCE), "{found:?}");
+        let stiffer = Gains { position: 1.03 * gains.position, ..gains.clone() };
+        let keeps = tuning.stability(&stiffer).is_some_and(|it| it.keeps(&DISTANCE));
+        prop_assert!(!keeps, "{gains:?} could be stiffer");
+        // And the load comes to rest.
+        let mut running = Running::new(&gains, &train);
+        let seen = running.run(20.0 / gains.position, |_| at(0.01));
+        let end = &seen[seen.len() * 9 / 10..];
+        let off = end.iter().map(|it| (it[2] - 0.01).abs()).fold(0.0, f64::max);
+        prop_assert!(off < 5e-4, "{off} of 0.01 revolutions left");
+    }
+
+    /// A load that rings does so as its slowest swing does.
+    #[test]
+    fn a_load_rings_as_its_slowest_swing(antiresonance in 5.0..40.0, damping in 0.005..0.05, ratio in 0.5..4.0) {
+        let train = axis(1e-4, ratio * 1e-4, Some((antiresonance, damping)));
+        // Held firmly, so that the load swings as if the motor were clamped.
+        let fast = commissioned(&axis(1e-4, ratio * 1e-4, None));
+        let gains = Gains { position: 0.3 * TAU * antiresonance, ..fast };
+        let tuning = Tuning::new(train.clone(), f64::INFINITY);
+        prop_assume!(tuning.stability(&gains).is_some());
+        let Some(mode) = tuning.slowest_swing(&gains) else { return Ok(()) };
+        prop_assume!(mode.damping < 0.1);
+        let mut running = Running::new(&gains, &train);
+        running.run(4.0 / gains.position, |_| at(0.01));
+        let seen = running.run(12.0 / mode.frequency, |_| at(0.01));
+        // Where it turns round, as far as that is seen.
+        let turns: Vec<[f64; 2]> = seen
+            .windows(3)
+            .filter(|it| (it[1][2] - it[0][2]) * (it[2][2] - it[1][2]) < 0.0)
+            .map(|it| [it[1][0], (it[1][2] - 0.01).abs()])
+            .filter(|[_, off]| *off > 1e-6)
+            .collect();
+        prop_assume!(turns.len() > 6);
+        let (first, last) = (turns[2], turns[turns.len() - 1]);
+        let halves = (turns.len() - 3) as f64;
+        let turn = PI * halves / (last[0] - first[0]);
+        let decay = (first[1] / last[1]).ln() / (last[0] - first[0]);
+        let expected = TAU * mode.frequency;
+        let seen = (decay * decay + turn * turn).sqrt();
+        prop_assert!((seen / expected - 1.0).abs() < 0.02, "{} instead of {} Hz", seen / TAU, mode.frequency);
+        prop_assert!((decay / (mode.damping * expected) - 1.0).abs() < 0.1, "{decay} instead of {mode:?}");
+    }
+}
+
+/// As fast as axes may be made.
+fn commissioned_like(train: &DriveTrain) -> Gains {
+    let stiff = DriveTrain {
+        elasticity: None,
+        ..train.clone()
+    };
+    commissioned(&stiff)
+}
