@@ -64,6 +64,14 @@ pub enum Action {
         /// How far along the way there in a turn, mm.
         lead: f64,
     },
+    /// Straight to a point in step with the spindle, which is turned round there, and back in step to where it began
+    /// (G33.1, G74, G84).
+    Tap {
+        /// Where to.
+        to: Point,
+        /// How far along the way there in a turn, mm.
+        lead: f64,
+    },
     /// Straight towards a point at a feed until the probe's contact changes (G38.2 … G38.5). The program goes on
     /// once it is known what came of it.
     Probe {

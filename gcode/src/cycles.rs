@@ -1,4 +1,4 @@
-//! Canned cycles: G73, G81, G82, G83, G85, G86, G89 with G98 and G99.
+//! Canned cycles: G73, G74, G81, G82, G83, G84, G85, G86, G89 with G98 and G99.
 //!
 //! Written for G17; under another plane the axes take each other's places.
 
@@ -28,6 +28,10 @@ pub enum Cycle {
     DrillingWithDwell,
     /// G83: drilling that backs out to clear chips.
     Pecking,
+    /// G84: tapping with the spindle clockwise, a right-hand thread.
+    Tapping,
+    /// G74: tapping with the spindle counterclockwise, a left-hand thread.
+    LeftTapping,
     /// G85: boring, feed out.
     Boring,
     /// G86: boring, spindle stop, rapid out.
@@ -41,9 +45,11 @@ impl Cycle {
     pub(crate) fn of(tenths: u16) -> Option<Cycle> {
         Some(match tenths {
             730 => Cycle::ChipBreaking,
+            740 => Cycle::LeftTapping,
             810 => Cycle::Drilling,
             820 => Cycle::DrillingWithDwell,
             830 => Cycle::Pecking,
+            840 => Cycle::Tapping,
             850 => Cycle::Boring,
             860 => Cycle::BoringWithStop,
             890 => Cycle::BoringWithDwell,
@@ -55,9 +61,11 @@ impl Cycle {
     pub(crate) fn tenths(self) -> u16 {
         match self {
             Cycle::ChipBreaking => 730,
+            Cycle::LeftTapping => 740,
             Cycle::Drilling => 810,
             Cycle::DrillingWithDwell => 820,
             Cycle::Pecking => 830,
+            Cycle::Tapping => 840,
             Cycle::Boring => 850,
             Cycle::BoringWithStop => 860,
             Cycle::BoringWithDwell => 890,
@@ -66,6 +74,15 @@ impl Cycle {
 
     fn pecks(self) -> bool {
         matches!(self, Cycle::ChipBreaking | Cycle::Pecking)
+    }
+
+    /// How the spindle has to turn for it, where it taps.
+    fn taps(self) -> Option<Turning> {
+        match self {
+            Cycle::Tapping => Some(Turning::Clockwise),
+            Cycle::LeftTapping => Some(Turning::Counterclockwise),
+            _ => None,
+        }
     }
 
     fn dwells(self) -> bool {
@@ -84,6 +101,8 @@ pub(crate) struct Series {
     retract: Option<f64>,
     peck: Option<f64>,
     dwell: Option<f64>,
+    /// Of a thread, mm in a turn.
+    lead: Option<f64>,
     /// Where that axis stood before the series, machine coordinates.
     initial: Option<f64>,
 }
@@ -96,6 +115,7 @@ struct Levels {
     clear: f64,
     peck: f64,
     dwell: f64,
+    lead: f64,
 }
 
 impl State {
@@ -118,6 +138,16 @@ impl State {
         }
         if cycle == Cycle::BoringWithStop && self.modes.spindle.turning == Turning::Off {
             return Err(Refusal::new(columns, Fault::CycleSpindle { code }));
+        }
+        if let Some(turning) = cycle.taps() {
+            self.may_follow_spindle(code, columns)?;
+            if self.modes.spindle.turning != turning {
+                let needs = match turning {
+                    Turning::Counterclockwise => "counterclockwise: write M4 before, or G84",
+                    _ => "clockwise: write M3 before, or G74 for a left-hand thread",
+                };
+                return Err(Refusal::new(columns, Fault::TapDirection { code, needs }));
+            }
         }
         self.plane_of_axes(code, columns)?;
         let plane = self.modes.plane.axes();
@@ -183,6 +213,7 @@ impl State {
             self.series.depth = None;
             self.series.peck = None;
             self.series.dwell = None;
+            self.series.lead = None;
         }
         let initial = *self.series.initial.get_or_insert(self.at[axis]);
         let mut sticky = |letter, kept: Option<f64>, unit: f64| -> Result<Option<f64>, Refusal> {
@@ -224,6 +255,10 @@ impl State {
             }
             dwell => dwell.unwrap_or_default(),
         };
+        let lead = match cycle.taps() {
+            Some(_) => self.tapped_lead(code, words, columns)?,
+            None => 0.0,
+        };
         let (retract, bottom) = if self.modes.incremental {
             let retract = self.at[axis] + retract;
             (retract, retract + depth)
@@ -246,8 +281,41 @@ impl State {
             clear,
             peck,
             dwell,
+            lead,
         })
     }
+
+    /// What a tap goes by in a turn, mm: K, or else F over S.
+    fn tapped_lead(
+        &mut self,
+        code: Code,
+        words: &mut Words,
+        columns: Columns,
+    ) -> Result<f64, Refusal> {
+        if let Some(written) = words.take(b'K', code)? {
+            self.series.lead = Some(self.lead(written, b'K', words)?);
+        }
+        let speed = self.modes.spindle.speed;
+        let feed = self.modes.feed.filter(|feed| feed.number > 0.0);
+        let by_feed = feed.map(|feed| feed.number * feed.unit / speed);
+        match (self.series.lead, by_feed) {
+            (Some(lead), Some(by_feed)) if words.has(b'F') && differ(lead, by_feed) => {
+                let feed = lead * speed / self.modes.unit();
+                Err(words.refuse(b'F', Fault::TapFeed { code, feed }))
+            }
+            (Some(lead), _) => Ok(lead),
+            (None, Some(by_feed)) => self.lead(by_feed / self.modes.unit(), b'F', words),
+            (None, None) => {
+                let words = "K, the distance in a turn of the spindle, or F, that times S";
+                Err(Refusal::new(columns, Fault::MissingWord { code, words }))
+            }
+        }
+    }
+}
+
+/// Whether two leads are not the same thread: a feed is often written with few digits.
+fn differ(lead: f64, other: f64) -> bool {
+    (lead - other).abs() > 1e-3 * lead
 }
 
 /// One hole in the making.
@@ -273,6 +341,13 @@ impl Hole<'_> {
                 self.rapid(above)?;
                 depth -= levels.peck;
             }
+        }
+        if cycle.taps().is_some() {
+            let mut to = self.state.at;
+            to[self.axis] = levels.bottom;
+            let lead = levels.lead;
+            self.go(Action::Tap { to, lead })?;
+            return self.rapid(levels.clear);
         }
         self.feed(levels.bottom)?;
         if cycle.dwells() {

@@ -321,6 +321,10 @@ pub enum Fault {
     NoSpindleAngle { code: Code },
     #[error("{code} needs a spindle that turns: write M3 or M4 and S before")]
     ThreadSpindle { code: Code },
+    #[error("{code} needs a spindle that turns {needs}")]
+    TapDirection { code: Code, needs: &'static str },
+    #[error("{code} has both K and F, and F is not K times S: write F{feed}, or no F")]
+    TapFeed { code: Code, feed: f64 },
     #[error("{code} leads nowhere: write where the thread ends")]
     ThreadNowhere { code: Code },
     #[error("{code} moves along X Y Z only: move {axis} there before")]

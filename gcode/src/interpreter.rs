@@ -678,7 +678,7 @@ impl Iterator for Interpreter {
                 self.awaits = Some(Awaited::Signals);
                 (self.idle_at, false)
             }
-            Action::Dwell { .. } | Action::Stop(_) => (self.idle_at, true),
+            Action::Dwell { .. } | Action::Stop(_) | Action::Tap { .. } => (self.idle_at, true),
             _ => (self.idle_at, false),
         };
         if does {

@@ -114,8 +114,6 @@ pub(crate) enum Standing {
 
 const NO_THREAD: &str = "it moves in step with the spindle, which only G33 does: write the passes out \
                          with it, or mill the thread with G2 or G3 and Z";
-const NO_TAPPING: &str = "it reverses the spindle in step, which is not done: mill the thread with G2 or G3 \
-                          and Z";
 const NO_FEED_PER_TURN: &str = "it moves in step with the spindle, whose speed the controller does \
                                 not measure: write G94, and F as that feed times S";
 const NO_ORIENTATION: &str =
@@ -134,7 +132,9 @@ impl Code {
         match self {
             Code::G(tenths) => match tenths {
                 0 | 10 | 20 | 30 | 50..=53 | 382..=385 => Supported(Group::Motion),
-                730 | 800..=830 | 850 | 860 | 890 if tenths % 10 == 0 => Supported(Group::Motion),
+                730 | 740 | 800..=830 | 840 | 850 | 860 | 890 if tenths % 10 == 0 => {
+                    Supported(Group::Motion)
+                }
                 870 | 880 => Refused("write the moves out"),
                 980 | 990 => Supported(Group::CycleReturn),
                 40 => Supported(Group::Dwell),
@@ -145,9 +145,8 @@ impl Code {
                 170 | 180 | 190 => Supported(Group::Plane),
                 171 | 181 | 191 => Refused("planes of U V W have no arcs: use G17, G18 or G19"),
                 200 | 210 => Supported(Group::Units),
-                330 => Supported(Group::Motion),
+                330 | 331 => Supported(Group::Motion),
                 760 => Refused(NO_THREAD),
-                331 | 740 | 840 => Refused(NO_TAPPING),
                 400 | 410 | 411 | 420 | 421 => Supported(Group::CutterCompensation),
                 430..=432 | 490 => Supported(Group::ToolLength),
                 500 | 510 => Refused(NO_SCALING),
@@ -204,6 +203,8 @@ pub enum Motion {
     Nurbs,
     /// G33
     Thread,
+    /// G33.1
+    Tap,
     /// G38.2 … G38.5
     Probe(Probe),
     /// G73, G81 …
@@ -223,6 +224,7 @@ impl Motion {
             Motion::Quadratic => 51,
             Motion::Nurbs => 52,
             Motion::Thread => 330,
+            Motion::Tap => 331,
             Motion::Probe(Probe { away, required }) => {
                 382 + 2 * u16::from(away) + u16::from(!required)
             }

@@ -39,6 +39,7 @@ impl State {
                 Code::G(51) => Motion::Quadratic,
                 Code::G(52) => Motion::Nurbs,
                 Code::G(330) => Motion::Thread,
+                Code::G(331) => Motion::Tap,
                 Code::G(tenths @ 382..=385) => Motion::Probe(Probe {
                     away: tenths >= 384,
                     required: tenths % 2 == 0,
@@ -85,7 +86,7 @@ impl State {
                 Motion::Probe(_) if explicit.is_some() => {
                     Err(Refusal::new(motion_columns, Fault::ProbeNowhere { code }))
                 }
-                Motion::Thread if explicit.is_some() => {
+                Motion::Thread | Motion::Tap if explicit.is_some() => {
                     Err(Refusal::new(motion_columns, Fault::ThreadNowhere { code }))
                 }
                 _ => Ok(()),
@@ -102,8 +103,8 @@ impl State {
         if let Motion::Probe(probe) = motion {
             return self.probe(probe, words, motion_columns, commands);
         }
-        if motion == Motion::Thread {
-            return self.thread(words, motion_columns, commands);
+        if let Motion::Thread | Motion::Tap = motion {
+            return self.thread(motion, words, motion_columns, commands);
         }
         if let Motion::Cubic | Motion::Quadratic | Motion::Nurbs = motion {
             return self.spline(motion, words, motion_columns, commands);
@@ -446,6 +447,7 @@ impl State {
             if let Action::Rapid { to }
             | Action::Feed { to, .. }
             | Action::Thread { to, .. }
+            | Action::Tap { to, .. }
             | Action::Probe { to, .. } = action
             {
                 in_range(axis, to[axis]).map_err(|fault| (axis, fault))?;
@@ -459,6 +461,7 @@ impl State {
                 Action::Rapid { to }
                 | Action::Feed { to, .. }
                 | Action::Thread { to, .. }
+                | Action::Tap { to, .. }
                 | Action::Probe { to, .. } => (to[axis], to[axis]),
                 _ => continue,
             };

@@ -43,6 +43,7 @@ impl PassedOutputs {
                 return;
             }
             Action::Thread { to, .. } => *to,
+            Action::Tap { .. } => self.at,
             Action::Arc { arc, .. } => arc.to,
             Action::Spline { spline, .. } => spline.to,
             _ => return,

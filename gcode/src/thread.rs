@@ -1,4 +1,4 @@
-//! Threads: G33, a line in step with the spindle.
+//! Threads: G33, a line in step with the spindle; G33.1, the same there and back.
 
 use std::collections::VecDeque;
 
@@ -7,21 +7,15 @@ use super::command::{Action, Turning};
 use super::error::{Fault, Refusal};
 use super::execute::State;
 use super::lexer::Columns;
-use super::modal::Motion;
+use super::modal::{Code, Motion};
 use super::words::{Words, out_of_range};
 
 /// What a lead can be, mm.
 const LEADS: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
 
 impl State {
-    /// A line to where the axis words lead, by K in each turn of the spindle.
-    pub(super) fn thread(
-        &mut self,
-        words: &mut Words,
-        columns: Columns,
-        commands: &mut VecDeque<Action>,
-    ) -> Result<(), Refusal> {
-        let code = Motion::Thread.code();
+    /// Refuses what moves in step with the spindle where none turns whose angle is measured.
+    pub(super) fn may_follow_spindle(&self, code: Code, columns: Columns) -> Result<(), Refusal> {
         let refuse = |fault| Err(Refusal::new(columns, fault));
         if !self.setup.has_spindle_angle {
             return refuse(Fault::NoSpindleAngle { code });
@@ -33,18 +27,36 @@ impl State {
         if spindle.turning == Turning::Off || spindle.speed == 0.0 {
             return refuse(Fault::ThreadSpindle { code });
         }
-        let lead = match words.take(b'K', code)? {
-            Some(lead) => lead * self.modes.unit(),
-            None => {
-                let words = "K, the distance in a turn of the spindle";
-                return refuse(Fault::MissingWord { code, words });
-            }
-        };
-        if !LEADS.contains(&lead) {
-            let allowed = "a distance in a turn from 0.001 to 1000 mm";
-            let written = lead / self.modes.unit();
-            return Err(words.refuse(b'K', out_of_range('K', written, allowed)));
+        Ok(())
+    }
+
+    /// A distance in a turn of the spindle as it is written, mm.
+    pub(super) fn lead(&self, written: f64, letter: u8, words: &Words) -> Result<f64, Refusal> {
+        let lead = written * self.modes.unit();
+        if LEADS.contains(&lead) {
+            return Ok(lead);
         }
+        let allowed = "a distance in a turn from 0.001 to 1000 mm";
+        let fault = out_of_range(char::from(letter), written, allowed);
+        Err(words.refuse(letter, fault))
+    }
+
+    /// A line to where the axis words lead, by K in each turn of the spindle; tapped, there and back.
+    pub(super) fn thread(
+        &mut self,
+        motion: Motion,
+        words: &mut Words,
+        columns: Columns,
+        commands: &mut VecDeque<Action>,
+    ) -> Result<(), Refusal> {
+        let code = motion.code();
+        let refuse = |fault| Err(Refusal::new(columns, fault));
+        self.may_follow_spindle(code, columns)?;
+        let Some(written) = words.take(b'K', code)? else {
+            let words = "K, the distance in a turn of the spindle";
+            return refuse(Fault::MissingWord { code, words });
+        };
+        let lead = self.lead(written, b'K', words)?;
         let to = self.target(words, code, false)?;
         let along = [Axis::X, Axis::Y, Axis::Z];
         let mut others = Axis::ALL.into_iter().filter(|axis| !along.contains(axis));
@@ -54,6 +66,10 @@ impl State {
         if to == self.at {
             return refuse(Fault::ThreadNowhere { code });
         }
-        self.go(Action::Thread { to, lead }, words, columns, commands)
+        let action = match motion {
+            Motion::Tap => Action::Tap { to, lead },
+            _ => Action::Thread { to, lead },
+        };
+        self.go(action, words, columns, commands)
     }
 }

@@ -97,6 +97,7 @@ fn threads_allocate_nothing() {
         lead: 1.0,
         reverse: false,
         tolerance: 0.1,
+        tapping: None,
     };
     let limits = Limits::symmetric(100.0, 1_000.0, 20_000.0);
     let mut observer = AngleObserver::new(0.002, 1e-4);
@@ -105,7 +106,7 @@ fn threads_allocate_nothing() {
         for cycle in 0..20_000 {
             observer.advance(0.002);
             observer.measure(10.0 * 0.002 * f64::from(cycle));
-            follower.advance(&observer, 0.004).unwrap();
+            follower.advance(&mut observer, 0.002, 0.002).unwrap();
             if follower.is_over() {
                 return;
             }

@@ -214,6 +214,11 @@ pub enum Event {
         /// thread that was too short to tell.
         off: Option<f64>,
     },
+    /// The machine stopped while the axes were on a tap.
+    TapLeft {
+        /// Program line.
+        line: u32,
+    },
     /// A probing failed; the job is over.
     ProbingFailed {
         /// Program line.
@@ -553,6 +558,7 @@ impl Event {
             Self::Probed { .. }
             | Self::ProgramHomed { .. }
             | Self::Threaded { .. }
+            | Self::TapLeft { .. }
             | Self::ProbingFailed { .. }
             | Self::Touched => return self.describe_probing(names),
             Self::MissedTPdo { device } => format!("{}: T_PDO missing in one cycle", who(device)),
@@ -632,6 +638,10 @@ impl Event {
                 ),
                 None => format!("line {line}: thread cut, too short to tell how well in step"),
             },
+            Self::TapLeft { line } => format!(
+                "line {line}: the machine stopped on the way of a tap, which may be in the work: turn it out by hand \
+                 before anything moves"
+            ),
             Self::ProgramHomed { line } => format!("line {line}: homed, going on"),
             Self::ProbingFailed { line, failure } => {
                 Fault::Probing { line, failure }.describe(names)

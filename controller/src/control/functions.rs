@@ -17,7 +17,6 @@
 //! the path goes on; without a job what was switched by hand is what the next job begins with.
 
 use super::Layout;
-use super::spindle::turning;
 use super::{Controller, Event, Phase, Request, event_sink};
 use crate::machine::{AnalogSource, OutputSwitch};
 use std::collections::VecDeque;
@@ -291,7 +290,7 @@ impl<const N: usize> Controller<N> {
         }
         self.turn_spindle(match is_safe {
             true => 0.0,
-            false => turning(switched.spindle),
+            false => self.spindle_speed(),
         });
         for (index, output) in layout.analog_outputs.iter().enumerate() {
             let value = match is_safe {

@@ -241,6 +241,7 @@ impl<const N: usize> Controller<N> {
             Phase::QuickStop => {
                 self.cut_homing_off();
                 self.probing.abort();
+                self.tell_tap_left();
                 self.threading.abort();
                 self.frozen = false;
                 self.quick_stop(|_, _| true);

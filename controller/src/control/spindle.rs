@@ -115,6 +115,11 @@ impl SpindleWatch {
         &self.angle
     }
 
+    /// The same, to tell it what the shaft is told.
+    pub(super) fn angle_mut(&mut self) -> &mut AngleObserver {
+        &mut self.angle
+    }
+
     /// Comes to the SYNC of a cycle, at which it was there, if that is known.
     fn observe(&mut self, cycle: u64, turns: Option<f64>) {
         let cycles = cycle.saturating_sub(self.angle_cycle);

@@ -8,6 +8,7 @@ use std::time::Duration;
 use syncline_canopen::NodeId;
 use syncline_drives::model::{Ability, Assumed, Model, Scaling, Setpoint, Settings, Write};
 use syncline_strict_toml::{Log, Table};
+use syncline_trajectory::synchronous::RAMP_PART;
 use toml::Spanned;
 
 /// The machine's spindle.
@@ -81,6 +82,22 @@ impl Spindle {
     #[must_use]
     pub fn reversal(&self) -> Duration {
         self.ramp * 2 + SETTLING
+    }
+
+    /// So much later than its drive is sent a speed that changes smoothly, one for each cycle, the spindle has it, s: half of
+    /// the time in which the drive's ramp comes to each, and what the drive takes besides.
+    pub(crate) fn delay(&self, assumed: Assumed, cycle: Duration) -> Option<f64> {
+        let device = self.drive.as_ref().map(|drive| {
+            let common = Settings {
+                assumed,
+                ..Settings::new(drive.node, cycle)
+            };
+            drive.model.device(&self.settings(common))
+        })?;
+        let drive = device.drive()?;
+        let lag = drive.dynamics().map_or(0.0, |it| it.lag);
+        let cycle = cycle.as_secs_f64();
+        Some((0.5 * RAMP_PART + drive.latency() - 1.0) * cycle + lag)
     }
 
     /// What its drive is set up with.

@@ -2,7 +2,7 @@
 
 use super::feed::{feed, path_speed};
 use super::moves::{MoveSource, ON_THE_PATH, ProgramMove, ProgramStop, Step, Upcoming};
-use super::threads::thread;
+use super::threads::Threads;
 use super::{Entered, Left, Program, ProgramError, Scale, UserCodes, place};
 use crate::control::event::describe_leg;
 use crate::control::functions::SWITCHES;
@@ -75,6 +75,7 @@ pub struct Feeder {
     /// The spindle's speed has changed since the last cut.
     spins_up: bool,
     spindle: SpinUp,
+    threads: Threads,
     user_codes: UserCodes,
     /// By how much the axes come to rest later than the path, s.
     settling: f64,
@@ -196,6 +197,7 @@ impl Program {
             since_stop: 0,
             spins_up,
             spindle: self.spindle,
+            threads: self.threads,
             user_codes: Arc::clone(&self.user_codes),
             settling: self.settling,
             leaves: None,
@@ -395,7 +397,8 @@ impl Feeder {
             Action::Probe { to, feed, probe } => {
                 self.take_probe(to.0, *feed, *probe, command.span)?;
             }
-            Action::Thread { to, lead } => self.take_thread(to.0, *lead, command.span)?,
+            Action::Thread { to, lead } => self.take_thread(to.0, *lead, false, command.span)?,
+            Action::Tap { to, lead } => self.take_thread(to.0, *lead, true, command.span)?,
             Action::Home { axes, .. } => {
                 for (line, switch) in take(&mut self.with_motion) {
                     self.switch(line, switch);
@@ -479,11 +482,12 @@ impl Feeder {
         Ok(())
     }
 
-    /// Comes to rest, and has the cycle cut a thread from there.
+    /// Comes to rest, and has the cycle cut a thread from there, or tap one.
     fn take_thread(
         &mut self,
         to: Position,
         lead: f64,
+        taps: bool,
         span: gcode::Span,
     ) -> Result<(), ProgramError> {
         if take(&mut self.spins_up) {
@@ -495,13 +499,16 @@ impl Feeder {
             source,
         })?;
         let spindle = self.interpreter.modes().spindle;
-        let next = thread(self.searches + 1, &line, lead, spindle, &self.limits);
+        let number = self.searches + 1;
+        let next = self.threads.thread(number, &line, lead, taps, spindle);
         let next = next.map_err(|source| ProgramError::Thread {
             place: place(&self.interpreter, span),
             source,
         })?;
-        self.searches += 1;
+        self.searches = number;
         self.awaits_thread = true;
+        // A tap leaves it on its way back to its direction.
+        self.spins_up = taps;
         self.search = Some(Instruction::Thread(next));
         let line = span.line;
         self.stop_then(StopPoint::Thread { line });

@@ -40,7 +40,7 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 use syncline_gcode::{self as gcode, Action, AxisSet, Interpreter, Tables, TablesError};
 use syncline_trajectory::path::{CurveError, Limits, PathError, Retraction};
-use threads::thread;
+use threads::Threads;
 
 /// What all programs of a machine have in common: axes, limits, tables, and what the programs before
 /// have left.
@@ -52,6 +52,7 @@ pub struct Programs {
     point_to_point: [bool; COORDINATES],
     tolerances: PathTolerances,
     spindle: SpinUp,
+    threads: Threads,
     user_codes: UserCodes,
     /// What can be read by name, in the order of the names.
     signals: Arc<[Signal]>,
@@ -156,6 +157,7 @@ pub struct Program {
     tolerances: PathTolerances,
     keeps: Option<PathBuf>,
     spindle: SpinUp,
+    threads: Threads,
     user_codes: UserCodes,
     /// What can be read by name, in the order of the names.
     signals: Arc<[Signal]>,
@@ -349,6 +351,7 @@ impl Programs {
             point_to_point: machine.point_to_point(),
             tolerances: machine.path,
             spindle: SpinUp::of(machine),
+            threads: Threads::of(machine, limits),
             user_codes: user_codes(machine),
             signals: signals(machine).map(|(_, signal)| signal).collect(),
             settling: machine.shaper.settling(machine.cycle.as_secs_f64()),
@@ -405,6 +408,7 @@ impl Programs {
             tolerances: self.tolerances,
             keeps: self.keeps.clone(),
             spindle: self.spindle,
+            threads: self.threads,
             user_codes: Arc::clone(&self.user_codes),
             signals: Arc::clone(&self.signals),
             settling: self.settling,
@@ -600,16 +604,21 @@ impl Program {
                 source,
             };
             let curves = source.curves(&command).map_err(no_curve)?;
-            if let Action::Thread { to, lead } = command.action {
+            if let Action::Thread { to, lead } | Action::Tap { to, lead } = command.action {
                 let line = source.line(to.0).map_err(no_curve)?;
                 let spindle = interpreter.modes().spindle;
-                let thread = thread(0, &line, lead, spindle, &self.limits);
+                let taps = matches!(command.action, Action::Tap { .. });
+                let thread = self.threads.thread(0, &line, lead, taps, spindle);
                 thread.map_err(|source| ProgramError::Thread {
                     place: place(&interpreter, command.span),
                     source,
                 })?;
-                source.go_on_from(line.end());
                 extent.length += line.length();
+                if taps {
+                    extent.length += line.length();
+                } else {
+                    source.go_on_from(line.end());
+                }
             }
             if let Some(part) = feed::reached(&curves, &command.action, &self.limits) {
                 extent.capped.add(command.span.line, part);
@@ -670,6 +679,7 @@ impl Program {
                 | Action::Arc { .. }
                 | Action::Spline { .. }
                 | Action::Thread { .. }
+                | Action::Tap { .. }
                 | Action::Probe { .. }
                 | Action::ReadSignals { .. } => return Some((homed, None)),
                 _ => {}

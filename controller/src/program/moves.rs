@@ -93,6 +93,7 @@ fn destination(action: &Action) -> Option<Position> {
         Action::Rapid { to }
         | Action::Feed { to, .. }
         | Action::Thread { to, .. }
+        | Action::Tap { to, .. }
         | Action::Probe { to, .. } => Some(to.0),
         Action::Arc { arc, .. } => Some(arc.to.0),
         Action::Spline { spline, .. } => Some(spline.to.0),
@@ -142,7 +143,7 @@ impl MoveSource {
         let along = match action {
             Action::Rapid { .. } => false,
             // A probe is looked for, and a thread cut, along a path only.
-            Action::Probe { .. } | Action::Thread { .. } => true,
+            Action::Probe { .. } | Action::Thread { .. } | Action::Tap { .. } => true,
             _ => self.on_path(to) != self.at,
         };
         if along {

@@ -327,6 +327,10 @@ texts! {
     Fault::Thread { line: 7, failure: ThreadFailure::LostStep(LostStep::Behind { distance: 0.125 }) },
     "line 7: the axes cannot follow the spindle, they are 0.125 mm away from where it wants them: look for what makes its speed change, or lower S";
 
+    Fault::Thread { failure: ThreadFailure::LostStep(LostStep::TooDeep), .. },
+    Fault::Thread { line: 7, failure: ThreadFailure::LostStep(LostStep::TooDeep) },
+    "line 7: the spindle was told to turn round, and does not stand where the thread ends: look at its drive, and whether `ramp_ms` in [spindle] is what it can";
+
     Fault::SpindleSpeed { .. }, Fault::SpindleSpeed { speed: -1803.4, told: -2400.0, allowed: 72.0 },
     "the spindle turned with -1803 1/min in a cut, told were -2400 ± 72 1/min: look for what holds it back, tool, feed and depth of the cut, and at its drive";
 

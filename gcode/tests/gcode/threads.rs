@@ -46,6 +46,57 @@ fn lead_and_end_are_in_the_units_and_coordinates_of_the_block() {
     }
 }
 
+/// Where taps lead, with their leads, and where each begins.
+fn taps(text: &str) -> Vec<(Point, Point, f64)> {
+    let commands = run_with(measured(), text).unwrap();
+    let mut at = Point::ZERO;
+    let mut taps = Vec::new();
+    for command in &commands {
+        match command.action {
+            Action::Rapid { to } | Action::Feed { to, .. } => at = to,
+            Action::Tap { to, lead } => taps.push((at, to, lead)),
+            _ => {}
+        }
+    }
+    taps
+}
+
+/// It is back where it began.
+#[test]
+fn a_tap_leads_there_and_back() {
+    let text =
+        "G21 G90 M3 S300\nG0 X1 Z5\nG33.1 Z-10 K1.5\nZ-12 K1.25\nG0 X3\nG91 G33.1 Z-4 K0.5\nM2\n";
+    let expected = [
+        (point(1.0, 5.0), point(1.0, -10.0), 1.5),
+        (point(1.0, 5.0), point(1.0, -12.0), 1.25),
+        (point(3.0, 5.0), point(3.0, 1.0), 0.5),
+    ];
+    assert_eq!(taps(text), expected);
+    let mut program = Interpreter::from_text("part.ngc", text, measured());
+    let entry = program.enter_at_line(5).unwrap();
+    assert_eq!(entry.at, point(1.0, 5.0));
+}
+
+/// K holds for the series, F over S stands for it, and M4 makes it left-handed.
+#[test]
+fn cycles_tap_at_each_place() {
+    let text = "G21 G90 M3 S600 F100\nG0 Z20\nG99 G84 X1 Z-10 R3 K1.5\nX2\nX3 K1 F600\nG80 M4\n\
+                F750 G98 G74 X4 Z-5 R3\nG20 G84 M3 X1 Z-0.5 R0.1 S400 F20\nM2\n";
+    let mut found = taps(text);
+    let (_, _, inch) = found.last_mut().unwrap();
+    assert!((*inch - 1.27).abs() < 1e-12, "{inch}");
+    *inch = 1.27;
+    let last = found.pop().unwrap();
+    assert!((last.0.0[0] - 25.4).abs() < 1e-9 && (last.1.0[2] + 12.7).abs() < 1e-9);
+    let expected = [
+        (point(1.0, 3.0), point(1.0, -10.0), 1.5),
+        (point(2.0, 3.0), point(2.0, -10.0), 1.5),
+        (point(3.0, 3.0), point(3.0, -10.0), 1.0),
+        (point(4.0, 3.0), point(4.0, -5.0), 1.25),
+    ];
+    assert_eq!(found, expected);
+}
+
 /// A program that is begun behind a thread stands at its end.
 #[test]
 fn a_program_is_begun_behind_a_thread() {
@@ -70,6 +121,19 @@ fn what_cannot_be_is_refused_with_its_place() {
             ("M3 S300 G33 Z-60 K1", "1:13"),
             ("M3 S300\nG41.1 D2\nG1 X10 F100\nG33 Z-10 K1", "4:1"),
             ("M3 S300 G53 G33 Z-10 K1", "1:9"),
+            ("G33.1 Z-10 K1", "1:1"),
+            ("M3 S300 G33.1 Z-10", "1:9"),
+            ("M3 S300 G33.1 Z-60 K1", "1:15"),
+            ("M3 S300 G33.1 K1", "1:9"),
+            ("G84 Z-10 R1 K1", "1:1"),
+            ("M4 S300 G84 Z-10 R1 K1", "1:9"),
+            ("M3 S300 G74 Z-10 R1 K1", "1:9"),
+            ("M3 S300 G84 Z-10 R1", "1:9"),
+            ("M3 S300 F301 G84 Z-10 R1 K1", "1:9"),
+            ("M3 S300 G84 Z-10 K1", "1:9"),
+            ("M3 S300 G84 Z-10 R1 K0", "1:21"),
+            ("M3 S300 G84 Z-10 R1 K1 P1", "1:24"),
+            ("M3 S300 G84 Z-60 R1 K1", "1:13"),
         ],
     );
     insta::assert_snapshot!(told);

@@ -59,6 +59,7 @@ mod stepper;
 mod stops;
 mod sweep;
 mod switched;
+mod taps;
 mod test_moves;
 mod threads;
 mod told_numbers;

@@ -16,17 +16,17 @@ use syncline_trajectory::synchronous::LostStep;
 use super::day::{assert_moves_within_limits, go, settle, state};
 
 const X: usize = 0;
-const Z: usize = 2;
-const SPINDLE: usize = 3;
+pub(super) const Z: usize = 2;
+pub(super) const SPINDLE: usize = 3;
 /// Counts in a turn that the spindle's drive has itself.
-const FINE: u32 = 1_048_576;
+pub(super) const FINE: u32 = 1_048_576;
 /// Of X and Z, mm.
 const PITCHES: [f64; 2] = [10.0, 5.0];
 
 /// What a tool may be off by, mm.
-const ALLOWED: f64 = 0.010;
+pub(super) const ALLOWED: f64 = 0.010;
 /// From so long behind the ramp on, s: then the drive has come to rest after it.
-const SETTLED: f64 = 0.1;
+pub(super) const SETTLED: f64 = 0.1;
 
 fn drill(replacements: &[(&str, &str)], program: &str) -> Rig {
     let mut rig = Rig::new("drill", replacements, program, |_, _: &mut Config| ());
@@ -36,18 +36,18 @@ fn drill(replacements: &[(&str, &str)], program: &str) -> Rig {
 
 /// A thread, and the spindle that it is cut with.
 #[derive(Clone, Copy, Debug)]
-struct Thread {
-    speed: f64,
-    lead: f64,
-    reverse: bool,
+pub(super) struct Thread {
+    pub(super) speed: f64,
+    pub(super) lead: f64,
+    pub(super) reverse: bool,
     /// How far X goes while Z goes by 1.
-    taper: f64,
+    pub(super) taper: f64,
     /// Amplitude of the speed, a part of it, and periods a turn.
-    ripple: (f64, u32),
-    counts: u32,
+    pub(super) ripple: (f64, u32),
+    pub(super) counts: u32,
 }
 
-const EVEN: Thread = Thread {
+pub(super) const EVEN: Thread = Thread {
     speed: 600.0,
     lead: 1.5,
     reverse: false,
@@ -58,7 +58,7 @@ const EVEN: Thread = Thread {
 
 impl Thread {
     /// mm/s
-    fn feed(&self) -> f64 {
+    pub(super) fn feed(&self) -> f64 {
         self.lead * self.speed / 60.0
     }
 
@@ -85,8 +85,12 @@ impl Thread {
         )
     }
 
-    /// The drive's loops have a fine encoder, and what it tells counts more coarsely.
     fn rig(&self) -> Rig {
+        self.rig_for(&self.program())
+    }
+
+    /// The drive's loops have a fine encoder, and what it tells counts more coarsely.
+    pub(super) fn rig_for(&self, program: &str) -> Rig {
         let (part, periods) = self.ripple;
         let load = format!("load = 0.004\nspeed_ripple = {part}\nripple_periods = {periods}");
         let counts = format!("encoder_increments = {}\nhas_resolution = 0", self.counts);
@@ -94,7 +98,7 @@ impl Thread {
             ("load = 0.004", &*load),
             ("encoder_increments = 1_048_576", &counts),
         ];
-        let mut rig = Rig::new("drill", &changes, &self.program(), |drive, config| {
+        let mut rig = Rig::new("drill", &changes, program, |drive, config| {
             if drive == SPINDLE {
                 let mut assumed = config.assumed.iter_mut();
                 let counts = assumed.find(|(name, _)| *name == "encoder_increments");
@@ -119,13 +123,13 @@ impl Thread {
     }
 
     /// The way to rest, mm, and what the axes lag behind their setpoints.
-    fn run_out(&self) -> f64 {
+    pub(super) fn run_out(&self) -> f64 {
         let (v, a, j) = (self.feed(), 2000.0, 50_000.0);
         v * (v / a + a / j + 0.010)
     }
 
     /// By how much the tool is out of step now, mm, and for how long it has been along, s.
-    fn off(&self, rig: &mut Rig) -> f64 {
+    pub(super) fn off(&self, rig: &mut Rig) -> f64 {
         let [x, z] = [X, Z].map(|axis| rig.twin(axis).observe());
         let spindle = rig.twin(SPINDLE).observe();
         // The twins were stepped last at instants of their own.
@@ -168,7 +172,7 @@ impl Thread {
     }
 }
 
-fn told(rig: &Rig) -> Vec<f64> {
+pub(super) fn told(rig: &Rig) -> Vec<f64> {
     let threads = rig.events.iter().filter_map(|event| match event {
         Event::Threaded { off, .. } => *off,
         _ => None,
@@ -196,7 +200,7 @@ fn assert_in_step(thread: &Thread) -> f64 {
 
 // --- in step ---
 
-const RIPPLES: [(f64, u32); 4] = [(0.0, 1), (0.02, 1), (0.02, 2), (0.02, 3)];
+pub(super) const RIPPLES: [(f64, u32); 4] = [(0.0, 1), (0.02, 1), (0.02, 2), (0.02, 3)];
 
 #[test]
 fn the_tool_is_in_step_with_an_uneven_spindle_and_a_coarse_encoder() {
@@ -581,10 +585,14 @@ fn what_the_axes_cannot_is_refused_when_the_program_is_checked() {
     assert_eq!(place, "thread.ngc:3:1");
     let fast = matches!(source, NoThread::TooFast { most, .. } if most == 2941.0);
     assert!(fast, "{source}");
-    let ProgramError::Thread { source, .. } = thread("G33 Z-3 K4").unwrap_err() else {
-        panic!("no thread");
-    };
-    assert!(matches!(source, NoThread::TooShort { .. }), "{source}");
+    // In 26 mm it is in step at S, and not at what the spindle may be faster.
+    thread("G33 Z-28 K4").unwrap();
+    for short in ["G33 Z-3 K4", "G33 Z-26 K4"] {
+        let ProgramError::Thread { source, .. } = thread(short).unwrap_err() else {
+            panic!("no thread");
+        };
+        assert!(matches!(source, NoThread::TooShort { .. }), "{source}");
+    }
 }
 
 /// Without a spindle whose angle is measured: by name.

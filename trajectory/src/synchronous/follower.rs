@@ -13,15 +13,24 @@
 //! velocity and acceleration, which goes from each cycle to the next with a constant jerk inside the limits, led by
 //! what the spindle will do and drawn to where that wants it.
 //!
+//! # Down and up again
+//!
+//! Where a thread is tapped the spindle is turned round by a speed that changes as smoothly as the axes can follow: an
+//! acceleration that comes and goes with a limited jerk. So its way to standstill is known before, and the reversal begins
+//! where that leads just to the thread's end. The observer expects the change, and the tool stays in step through the
+//! standstill, and up to where it began.
+//!
 //! # There is always a stop
 //!
 //! The state of each setpoint is inside the limits, and the shortest stop from it ends before the thread's end: what
-//! would not is not gone to, but the stop to the thread's end begins there.
+//! would not is not gone to, but the stop to the thread's end begins there. A tap may go [a part of a lead](BEYOND)
+//! beyond, and what would go further is out of step.
 
 use super::{AngleObserver, RippleLimits, Turning};
 use crate::limits::Limits;
 use crate::profile::{Profile, State};
 use crate::state_to_state::{Axis, plan};
+use core::ops::Neg;
 
 /// By this part of a cycle a ramp may begin late.
 const LATE: f64 = 0.5;
@@ -31,6 +40,13 @@ const RIPPLE: [f64; 2] = [0.2, 0.4];
 /// How fast the setpoint is drawn to where it is wanted, rad/s; and no faster than this part of a cycle's inverse.
 const DRAWN: f64 = 150.0;
 const DRAWN_PART: f64 = 0.3;
+/// The parts of the axes' acceleration and jerk that a reversal of the spindle may ask for.
+const REVERSAL: [f64; 2] = [0.5, 0.3];
+/// The part of the spindle's own ramp that it may ask for; in no less than so long, s, it comes to that.
+pub const RAMP_PART: f64 = 0.7;
+const LEAST_RISE: f64 = 0.08;
+/// A tap may go by this part of a lead beyond its end, where the spindle turns further until it stands than it should.
+pub const BEYOND: f64 = 0.25;
 
 /// A thread.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,6 +59,19 @@ pub struct Thread {
     pub reverse: bool,
     /// How far the tool may be from where the spindle wants it, mm.
     pub tolerance: f64,
+    /// The spindle is turned round at its end, and the tool goes back in step to where it began.
+    pub tapping: Option<Tapping>,
+}
+
+/// How a spindle is turned round.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tapping {
+    /// How fast it is told to turn, turns/s, above 0.
+    pub speed: f64,
+    /// Its drive's own ramp, turns/s².
+    pub ramp: f64,
+    /// So much later than its drive is sent a speed it has it, s.
+    pub delay: f64,
 }
 
 /// Why the tool cannot stay in step.
@@ -60,6 +89,17 @@ pub enum LostStep {
         /// By how much, mm.
         distance: f64,
     },
+    /// The spindle does not stand where the thread ends.
+    TooDeep,
+}
+
+/// The change of the spindle's speed that turns it round.
+#[derive(Clone, Copy, Debug)]
+struct Reversal {
+    /// From rest: turns that come on top, as the thread counts them.
+    change: Profile,
+    /// It began so long before the next SYNC, s.
+    elapsed: f64,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -91,6 +131,7 @@ pub struct Follower {
     state: State,
     jerk: f64,
     stage: Stage,
+    reversal: Option<Reversal>,
     /// The turn of the spindle at which the thread begins.
     turn: f64,
 }
@@ -100,9 +141,40 @@ impl Thread {
     /// and to rest, mm; `None` where it cannot be as fast.
     pub fn least_length(&self, limits: &Limits, speed: f64) -> Option<f64> {
         let ramp = ramp(self.lead * speed, limits)?;
-        let stop = stop(ramp.end(), limits)?;
-        Some(stop.end().p)
+        match self.tapping {
+            None => Some(stop(ramp.end(), limits)?.end().p),
+            Some(tapping) => {
+                let tapping = Tapping { speed, ..tapping };
+                let reversal = self.reversal(&tapping, limits)?;
+                Some(ramp.end().p + self.lead * turns_to_rest(&reversal, speed))
+            }
+        }
     }
+
+    /// How the spindle's speed changes from one direction to the other, as its angle counts in the thread.
+    fn reversal(&self, tapping: &Tapping, limits: &Limits) -> Option<Profile> {
+        let Tapping { speed, ramp, .. } = *tapping;
+        let [a, j] = REVERSAL;
+        let acceleration = (RAMP_PART * ramp).min(a * limits.a_max / self.lead);
+        let jerk = (acceleration / LEAST_RISE).min(j * limits.j_max / self.lead);
+        let limits = Limits::symmetric(3.0 * speed, acceleration, jerk);
+        plan(
+            &Axis::to_velocity(State::default(), -2.0 * speed, limits),
+            0.0,
+        )
+        .ok()
+    }
+
+    /// As the thread counts what the spindle's angle counts, or the other way about.
+    fn signed<T: Neg<Output = T>>(&self, value: T) -> T {
+        if self.reverse { -value } else { value }
+    }
+}
+
+/// How far a spindle turns until a reversal has brought it to rest. It has the same shape before and behind that.
+fn turns_to_rest(reversal: &Profile, speed: f64) -> f64 {
+    let half = 0.5 * reversal.duration();
+    speed * half + reversal.at(half).p
 }
 
 impl Follower {
@@ -115,6 +187,7 @@ impl Follower {
             state: State::at_rest(0.0),
             jerk: 0.0,
             stage: Stage::Waiting,
+            reversal: None,
             turn: 0.0,
         }
     }
@@ -141,8 +214,7 @@ impl Follower {
 
     /// Where the spindle wants the tool that has turned so far, mm from the beginning, once the tool has set off.
     pub fn wanted_at(&self, turns: f64) -> f64 {
-        let turns = if self.thread.reverse { -turns } else { turns };
-        self.thread.lead * (turns - self.turn)
+        self.thread.lead * (self.thread.signed(turns) - self.turn)
     }
 
     /// The tool rests at the end.
@@ -153,11 +225,28 @@ impl Follower {
         elapsed >= stop.duration()
     }
 
-    /// The next setpoint, which takes effect so many seconds after the observer's last sample.
+    /// How fast the spindle is to be told to turn with the last setpoint, turns/s, where that is not as before.
+    pub fn spindle_speed(&self) -> Option<f64> {
+        let Reversal { change, elapsed } = self.reversal?;
+        let speed = self.thread.tapping?.speed;
+        // In the middle of the cycle that it is for.
+        let at = change.at(elapsed + 0.5 * self.period).v;
+        Some(self.thread.signed(speed + at))
+    }
+
+    /// The next setpoint: it is sent for the SYNC that is `next` seconds behind the observer's last sample, and takes
+    /// effect `lag` seconds later.
     ///
     /// # Errors
     /// The tool cannot stay in step; the setpoint is the one before, and from its state there is a stop.
-    pub fn advance(&mut self, observer: &AngleObserver, after: f64) -> Result<State, LostStep> {
+    pub fn advance(
+        &mut self,
+        observer: &mut AngleObserver,
+        next: f64,
+        lag: f64,
+    ) -> Result<State, LostStep> {
+        self.turn_round(observer, next);
+        let after = next + lag;
         match self.stage {
             Stage::Waiting => self.wait(observer, after),
             Stage::PickingUp { .. } => self.pick_up(observer, after)?,
@@ -167,15 +256,45 @@ impl Follower {
         Ok(self.state)
     }
 
+    /// Goes on with the spindle's reversal, or begins it where it leads to the thread's end.
+    fn turn_round(&mut self, observer: &mut AngleObserver, next: f64) {
+        if let Some(reversal) = &mut self.reversal {
+            reversal.elapsed += self.period;
+            return;
+        }
+        let thread = &self.thread;
+        let Some(tapping) = thread.tapping.filter(|_| self.is_in_step()) else {
+            return;
+        };
+        let Some(change) = thread.reversal(&tapping, &self.limits) else {
+            return;
+        };
+        // Where it comes to rest if that begins with the next SYNC.
+        let begins = next + tapping.delay;
+        let mean = observer.after(begins, RippleLimits::NONE);
+        let turns = thread.signed(mean.turns) + turns_to_rest(&change, tapping.speed);
+        let left = thread.length - thread.lead * (turns - self.turn);
+        let wait = (left / (thread.lead * tapping.speed)).max(0.0);
+        if wait < self.period {
+            self.reversal = Some(Reversal {
+                change,
+                elapsed: -wait,
+            });
+            let signed = if thread.reverse {
+                change.mirrored()
+            } else {
+                change
+            };
+            observer.expect(signed, begins + wait);
+        }
+    }
+
     fn wait(&mut self, observer: &AngleObserver, after: f64) {
         if !observer.is_settled() {
             return;
         }
         let mean = observer.after(after, RippleLimits::NONE);
-        let [turns, speed] = [mean.turns, mean.speed].map(|it| match self.thread.reverse {
-            true => -it,
-            false => it,
-        });
+        let [turns, speed] = [mean.turns, mean.speed].map(|it| self.thread.signed(it));
         let lead = self.thread.lead;
         let Some(ramp) = ramp(lead * speed, &self.limits).filter(|_| speed > 0.0) else {
             return;
@@ -218,7 +337,7 @@ impl Follower {
                 jerk: RIPPLE[1] * j_max / lead,
             },
         );
-        let sign = if self.thread.reverse { -lead } else { lead };
+        let sign = self.thread.signed(lead);
         let wanted = State {
             p: sign * turns - lead * self.turn,
             v: sign * speed,
@@ -288,15 +407,25 @@ impl Follower {
             + 3.0 * rate * (led.a - wanted.a);
         let jerk = self.allowed(jerk - drawn);
         let next = self.state.after(time, jerk);
-        let goes_on =
-            stop(next, &self.limits).is_some_and(|stop| stop.end().p <= self.thread.length);
-        if goes_on {
+        let rests = stop(next, &self.limits).map(|stop| stop.end().p);
+        let Thread { length, lead, .. } = self.thread;
+        let is_tapped = self.thread.tapping.is_some();
+        let deepest = if is_tapped {
+            length + BEYOND * lead
+        } else {
+            length
+        };
+        let returns = self.reversal.is_some();
+        if rests.is_some_and(|at| at <= deepest && (!returns || at >= 0.0)) {
             (self.state, self.jerk) = (next, jerk);
             return Ok(());
         }
-        let length = self.thread.length;
-        let to_end = Axis::new(self.state, State::at_rest(length), self.limits);
-        let distance = length - self.state.p;
+        if is_tapped && rests.is_none_or(|at| at > deepest) {
+            return Err(LostStep::TooDeep);
+        }
+        let end = if returns { 0.0 } else { length };
+        let to_end = Axis::new(self.state, State::at_rest(end), self.limits);
+        let distance = (end - self.state.p).abs();
         let stop = plan(&to_end, 0.0).map_err(|_| LostStep::Behind { distance })?;
         self.leave(stop, 0.0);
         Ok(())

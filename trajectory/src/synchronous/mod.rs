@@ -6,12 +6,12 @@
 //!
 //! - the [`AngleObserver`] says where the spindle will be at that later instant,
 //! - the [`Follower`] makes of it setpoints that keep the limits: it picks the motion up from rest such that it is in
-//!   step, goes along, and comes to rest at the thread's end.
+//!   step, goes along, and comes to rest at the thread's end; or has the spindle turned round there, and goes back with it.
 //!
 //! Nothing here allocates.
 
 mod follower;
 mod observer;
 
-pub use follower::{Follower, LostStep, Thread};
+pub use follower::{BEYOND, Follower, LostStep, RAMP_PART, Tapping, Thread};
 pub use observer::{AngleObserver, RippleLimits, Turning};

@@ -7,7 +7,12 @@
 //!
 //! They are estimated while one turn is as fast as the one before. What else moves the shaft, as it comes to its speed,
 //! would pass for them, and be told again and again; and a harmonic that is slow is followed as mean motion as well.
+//!
+//! Where the shaft is told to change its speed, the change is [expected](AngleObserver::expect): the filter then estimates
+//! what the shaft does beside it, so that a change that comes as it was told is not late by what the filter takes to
+//! see one.
 
+use crate::profile::{Profile, State};
 use core::f64::consts::TAU;
 
 /// Harmonics of a turn that are estimated.
@@ -21,6 +26,9 @@ const BANDWIDTH: f64 = 120.0;
 const JITTER: f64 = 2e-5;
 /// Variance by which an amplitude changes in a turn, turns².
 const WANDERING: f64 = 1e-9;
+/// The same while the shaft changes its speed, with which its drive's loops follow what makes it uneven otherwise: so many
+/// times the variance of a sample, as what is told more finely is also told apart sooner.
+const WANDERING_MEANWHILE: f64 = 2.0;
 /// A harmonic is estimated from this rate on, rad/s.
 const FAST: f64 = 30.0;
 /// Harmonics are estimated once the mean speeds of two turns differ by no more than this part, and until they differ by
@@ -66,9 +74,35 @@ impl RippleLimits {
     };
 }
 
+/// A change of the speed that a shaft is told to make.
+#[derive(Clone, Copy, Debug)]
+struct Change {
+    /// From rest: turns, turns/s and turns/s² that come on top.
+    profile: Profile,
+    /// It began so long ago, s; below 0: it is yet to come.
+    elapsed: f64,
+}
+
+impl Change {
+    /// What it has come to so many seconds from now, and the jerk there, turns/s³.
+    fn after(&self, time: f64) -> (State, f64) {
+        let (at, duration) = (self.elapsed + time, self.profile.duration());
+        match at {
+            ..=0.0 => (State::default(), 0.0),
+            _ if at < duration => (self.profile.at(at), self.profile.jerk_at(at)),
+            _ => (self.profile.end().after(at - duration, 0.0), 0.0),
+        }
+    }
+
+    fn is_over(&self) -> bool {
+        self.elapsed >= self.profile.duration()
+    }
+}
+
 /// Estimates how a shaft turns.
 #[derive(Clone, Debug)]
 pub struct AngleObserver {
+    /// Without what is expected.
     state: [f64; STATES],
     covariance: [[f64; STATES]; STATES],
     /// Of a sample, turns².
@@ -80,10 +114,12 @@ pub struct AngleObserver {
     estimated: [bool; HARMONICS],
     /// So many turns have been as fast as the ones before.
     even_turns: u32,
-    /// Where the present turn began, turns, how long ago, s, and the mean speed of the one before, turns/s.
+    /// Where the present turn began, turns, how long ago, s, and the mean speed of the one before, turns/s, where that
+    /// is known.
     mark: f64,
     since_mark: f64,
-    last_turn: f64,
+    last_turn: Option<f64>,
+    expected: Option<Change>,
 }
 
 impl AngleObserver {
@@ -100,13 +136,52 @@ impl AngleObserver {
             even_turns: 0,
             mark: 0.0,
             since_mark: 0.0,
-            last_turn: 0.0,
+            last_turn: None,
+            expected: None,
         }
     }
 
     /// Forgets all that was sampled.
     pub fn reset(&mut self) {
         self.is_known = false;
+        self.expected = None;
+    }
+
+    /// So many seconds after the last sample the shaft begins to change its speed as it is told: a profile from rest of
+    /// turns that come on top. One that is under way is taken for done.
+    pub fn expect(&mut self, profile: Profile, within: f64) {
+        self.end_change();
+        self.expected = Some(Change {
+            profile,
+            elapsed: -within,
+        });
+    }
+
+    /// The change is over: it is part of the mean motion from now on.
+    fn end_change(&mut self) {
+        let Some((change, _)) = self.expected.take().map(|change| change.after(0.0)) else {
+            return;
+        };
+        for (state, change) in self.state.iter_mut().zip([change.p, change.v, change.a]) {
+            *state += change;
+        }
+        // Turns before that are no measure of those behind it.
+        (self.mark, self.since_mark, self.last_turn) = (self.state[0], 0.0, None);
+    }
+
+    /// The mean motion so many seconds from now, and its jerk.
+    fn mean(&self, time: f64) -> (State, f64) {
+        let [p, v, a, ..] = self.state;
+        let beside = State { p, v, a }.after(time, 0.0);
+        let (change, jerk) = self
+            .expected
+            .map_or_else(Default::default, |it| it.after(time));
+        let mean = State {
+            p: beside.p + change.p,
+            v: beside.v + change.v,
+            a: beside.a + change.a,
+        };
+        (mean, jerk)
     }
 
     /// So many seconds pass.
@@ -136,10 +211,22 @@ impl AngleObserver {
                 *value += self.noise * noise;
             }
         }
-        for at in (3..STATES).filter(|at| self.estimated[(at - 3) / 2]) {
-            p[at][at] += WANDERING * (x[1] * t).abs();
-        }
         self.since_mark += time;
+        if let Some(change) = &mut self.expected {
+            change.elapsed += time;
+            if change.is_over() {
+                self.end_change();
+            }
+        }
+        let (mean, _) = self.mean(0.0);
+        let wandering = match self.expected {
+            Some(_) => (WANDERING_MEANWHILE * self.variance).max(WANDERING),
+            None => WANDERING,
+        };
+        let p = &mut self.covariance;
+        for at in (3..STATES).filter(|at| self.estimated[(at - 3) / 2]) {
+            p[at][at] += wandering * (mean.v * t).abs();
+        }
     }
 
     /// Begins anew with an angle, a speed and an acceleration, the last two of which may be off by so much; no harmonics.
@@ -168,12 +255,15 @@ impl AngleObserver {
 
     /// Where another turn is over: begins or ceases to estimate harmonics.
     fn end_turn(&mut self, turns: f64) {
-        if (turns - self.mark).abs() < 1.0 {
+        if (turns - self.mark).abs() < 1.0 || self.expected.is_some() {
             return;
         }
         let speed = (turns - self.mark) / self.since_mark;
-        let change = (speed - self.last_turn).abs() / speed.abs();
-        (self.mark, self.since_mark, self.last_turn) = (turns, 0.0, speed);
+        (self.mark, self.since_mark) = (turns, 0.0);
+        let Some(last_turn) = self.last_turn.replace(speed) else {
+            return;
+        };
+        let change = (speed - last_turn).abs() / speed.abs();
         if self.even_turns > 0 && change > UNEVEN {
             self.even_turns = 0;
             (0..HARMONICS).for_each(|harmonic| self.drop_harmonic(harmonic));
@@ -206,20 +296,22 @@ impl AngleObserver {
         if !self.is_known {
             self.is_known = true;
             self.even_turns = 0;
-            (self.mark, self.since_mark, self.last_turn) = (turns, 0.0, 0.0);
+            (self.mark, self.since_mark, self.last_turn) = (turns, 0.0, None);
             return self.begin(turns, [0.0; 2], AT_FIRST);
         }
         self.end_turn(turns);
+        let (mean, _) = self.mean(0.0);
+        let expected = mean.p - self.state[0];
         let mut sees = [0.0; STATES];
         sees[0] = 1.0;
         for (harmonic, pair) in sees[3..].chunks_exact_mut(2).enumerate() {
-            pair.copy_from_slice(&phase(harmonic, self.state[0]));
+            pair.copy_from_slice(&phase(harmonic, mean.p));
         }
         let p = &mut self.covariance;
         let spread: [f64; STATES] =
             core::array::from_fn(|row| p[row].iter().zip(sees).map(|(p, h)| p * h).sum());
         let dot = |of: &[f64; STATES]| of.iter().zip(sees).map(|(x, h)| x * h).sum::<f64>();
-        let innovation = turns - dot(&self.state);
+        let innovation = turns - expected - dot(&self.state);
         let variance = dot(&spread) + self.variance;
         for row in 0..STATES {
             self.state[row] += spread[row] / variance * innovation;
@@ -232,12 +324,12 @@ impl AngleObserver {
 
     /// How it will turn so many seconds from now, with its harmonics within limits.
     pub fn after(&self, time: f64, ripple: RippleLimits) -> Turning {
-        let [turns, speed, acceleration, ..] = self.state;
+        let (mean, jerk) = self.mean(time);
         let mean = Turning {
-            turns: turns + time * (speed + 0.5 * time * acceleration),
-            speed: speed + time * acceleration,
-            acceleration,
-            jerk: 0.0,
+            turns: mean.p,
+            speed: mean.v,
+            acceleration: mean.a,
+            jerk,
         };
         let (mut told, mut left) = (mean, ripple);
         for (harmonic, pair) in self.state[3..].chunks_exact(2).enumerate() {

@@ -6,7 +6,9 @@ use proptest::sample::select;
 use syncline_trajectory::limits::Limits;
 use syncline_trajectory::profile::State;
 use syncline_trajectory::state_to_state::{Axis, plan};
-use syncline_trajectory::synchronous::{AngleObserver, Follower, LostStep, Thread};
+use syncline_trajectory::synchronous::{
+    AngleObserver, BEYOND, Follower, LostStep, Tapping, Thread,
+};
 
 /// A spindle that turns unevenly: an amplitude of its speed, a part of that, so often a turn.
 #[derive(Clone, Copy, Debug)]
@@ -77,7 +79,9 @@ fn cut(spindle: &Spindle, thread: Thread, period: f64, cycles_ahead: f64) -> Cut
         if now < spindle.speed.abs() / 60.0 / RAMP + 0.05 {
             continue;
         }
-        let lost = follower.advance(&observer, after).err();
+        let lost = follower
+            .advance(&mut observer, period, after - period)
+            .err();
         let state = follower.state();
         states.push(state);
         if follower.is_in_step() {
@@ -124,6 +128,7 @@ fn thread(length: f64, lead: f64, reverse: bool) -> Thread {
         lead,
         reverse,
         tolerance: 0.05,
+        tapping: None,
     }
 }
 
@@ -183,6 +188,82 @@ proptest! {
             let stop = Axis::to_velocity(state, 0.0, Limits::symmetric(v, a, j));
             let stop = plan(&stop, 0.0).unwrap();
             prop_assert!(stop.end().p <= length + 1e-6, "{:?}", state);
+        }
+    }
+}
+
+/// A tap with a spindle that turns as it is told from each SYNC on, or goes on as before: setpoints, the greatest distance
+/// from where it wants them, mm, and what was lost.
+fn tap(
+    thread: Thread,
+    speed: f64,
+    obeys: bool,
+    period: f64,
+) -> (Vec<State>, f64, Option<LostStep>) {
+    let [v, a, j] = LIMITS;
+    let mut follower = Follower::new(thread, Limits::symmetric(v, a, j), period);
+    let mut observer = AngleObserver::new(period, 1e-6);
+    let straight = if thread.reverse { -speed } else { speed };
+    let (mut turns, mut told) = (0.3, straight);
+    let (mut states, mut error, mut in_step) = (vec![State::default()], 0.0_f64, 0);
+    for _ in 0..100_000_u32 {
+        observer.advance(period);
+        observer.measure(turns);
+        let lost = match follower.advance(&mut observer, period, 0.0) {
+            Ok(state) => {
+                states.push(state);
+                None
+            }
+            Err(lost) => Some(lost),
+        };
+        // Where it is when that takes effect.
+        turns += told * period;
+        if follower.is_in_step() {
+            in_step += 1;
+            if in_step >= 50 {
+                error = error.max((follower.wanted_at(turns) - follower.state().p).abs());
+            }
+        }
+        if lost.is_some() || follower.is_over() {
+            return (states, error, lost);
+        }
+        let next = follower.spindle_speed().filter(|_| obeys);
+        told = next.unwrap_or(straight);
+    }
+    panic!("it never ends: {speed}, {thread:?}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 100, ..ProptestConfig::default() })]
+
+    /// In step there and back to where it began; from every setpoint there is a stop inside what the tap may need, whatever
+    /// the spindle does.
+    #[test]
+    fn a_tap_is_in_step_and_always_stops_in_time(
+        speed in 100.0..1500.0f64, lead in 0.5..3.0f64, reverse: bool, obeys: bool, more in 1.01..3.0f64,
+        period in select(vec![1e-3, 2e-3]), ramp in 20.0..500.0f64,
+    ) {
+        let speed = speed / 60.0;
+        let tapping = Some(Tapping { speed, ramp, delay: 0.0 });
+        let [v, a, j] = LIMITS;
+        let limits = Limits::symmetric(v, a, j);
+        let least = Thread { tapping, ..thread(0.0, lead, reverse) }.least_length(&limits, speed).unwrap();
+        let thread = Thread { tapping, ..thread(more * least + lead, lead, reverse) };
+        let (states, error, lost) = tap(thread, speed, obeys, period);
+        assert_within_limits(&states, period);
+        let most = thread.length + BEYOND * lead;
+        for &state in &states {
+            let stop = plan(&Axis::to_velocity(state, 0.0, limits), 0.0).unwrap();
+            prop_assert!((-1e-6..=most + 1e-6).contains(&stop.end().p), "{:?}", state);
+        }
+        if obeys {
+            prop_assert_eq!(lost, None);
+            let deepest = states.iter().map(|state| state.p).fold(0.0, f64::max);
+            prop_assert!((deepest - thread.length).abs() < 0.05, "{} of {}", deepest, thread.length);
+            prop_assert!(error < ALLOWED, "{} mm", error);
+            prop_assert_eq!(states.last().unwrap().p, 0.0);
+        } else {
+            prop_assert!(lost.is_some());
         }
     }
 }

@@ -24,6 +24,11 @@ impl ThreadFailure {
                 "the spindle is too fast for the axes: it asks for {wanted:.2} mm/s along the thread, \
                  they go {allowed:.2} mm/s at most: lower S"
             ),
+            Self::LostStep(LostStep::TooDeep) => {
+                "the spindle was told to turn round, and does not stand where the thread ends: look at its drive, and \
+                 whether `ramp_ms` in [spindle] is what it can"
+                    .to_owned()
+            }
             Self::LostStep(LostStep::Behind { distance }) => format!(
                 "the axes cannot follow the spindle, they are {distance:.3} mm away from where it \
                  wants them: look for what makes its speed change, or lower S"

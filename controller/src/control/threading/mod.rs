@@ -8,6 +8,9 @@
 //!  position at SYNC k ─► observer ─► setpoint, latched at SYNC k+1 ─► in effect `lag` cycles later
 //! ```
 //!
+//! A tap is the same there and back: at its end the [`Follower`] has the spindle turned round, by speeds that are sent
+//! with the setpoints, and it is told its own speed again when the axes are back.
+//!
 //! What an operator wants of the path meanwhile waits for the thread's end; before the axes have set off a feed hold
 //! has effect at once. What stops the machine brings them to rest on the line as soon as their limits allow.
 
@@ -47,6 +50,13 @@ pub struct ThreadMove<const N: usize> {
     pub thread: Thread,
     /// What the axes' limits leave along the line.
     pub limits: Limits,
+}
+
+impl<const N: usize> ThreadMove<N> {
+    /// Whether the spindle is turned round at its end.
+    fn taps(&self) -> bool {
+        self.thread.tapping.is_some()
+    }
 }
 
 /// The axes along a thread.
@@ -110,6 +120,14 @@ impl<const N: usize> Threading<N> {
         *self = Self::new();
     }
 
+    /// Its line, if it has begun to tap.
+    pub(super) fn taps(&self) -> Option<u32> {
+        let motion = self.motion.as_ref().filter(|it| it.begun.taps());
+        motion
+            .filter(|it| it.follower.has_begun())
+            .map(|_| self.line)
+    }
+
     /// Takes what the program asks for at its next stop.
     pub(super) fn take(&mut self, next: ThreadMove<N>) {
         self.next = Some(next);
@@ -134,7 +152,8 @@ impl<const N: usize> Motion<N> {
         let along = |by: f64| direction.map(|share| share * by);
         let position = |at: usize| match direction[at] {
             0.0 => self.from[at],
-            _ if self.follower.is_over() => to[at],
+            _ if self.follower.is_over() && !self.begun.taps() => to[at],
+            _ if self.follower.is_over() => self.from[at],
             share => self.from[at] + share * state.p,
         };
         Setpoint {
@@ -177,8 +196,10 @@ impl<const N: usize> Controller<N> {
     /// come to rest as soon as they can, and [`lost_step`](Self::lost_step) tells why.
     pub(super) fn follow_spindle(&mut self, ahead: f64) -> Option<Setpoint<N>> {
         let motion = self.threading.motion.as_mut()?;
-        let after = (ahead + self.layout.lag) * self.layout.cycle.as_secs_f64();
-        let lost = motion.follower.advance(self.spindle.angle(), after).err();
+        let period = self.layout.cycle.as_secs_f64();
+        let [next, lag] = [ahead, self.layout.lag].map(|cycles| cycles * period);
+        let spindle = self.spindle.angle_mut();
+        let lost = motion.follower.advance(spindle, next, lag).err();
         motion.in_step += u32::from(motion.follower.is_in_step());
         if lost.is_none() {
             return Some(motion.setpoint(self.executor.setpoint()));
@@ -188,12 +209,28 @@ impl<const N: usize> Controller<N> {
         None
     }
 
+    /// How fast the spindle is told to turn, 1/min, negative counterclockwise: by the program, or turned round by a tap.
+    pub(super) fn spindle_speed(&self) -> f64 {
+        let motion = self.threading.motion.as_ref();
+        let turned_round = motion.and_then(|it| it.follower.spindle_speed());
+        let by_program = || turning(self.switches.functions.spindle);
+        turned_round.map_or_else(by_program, |turns| 60.0 * turns)
+    }
+
     /// The axes come to rest from wherever they are on a thread.
     pub(super) fn leave_thread(&mut self) {
+        self.tell_tap_left();
         let travel = self.travel();
         self.executor.stop_beside(&self.planned, &travel);
         self.shaping.bypass();
         self.threading.motion = None;
+    }
+
+    /// Tells an operator who may have a tap in the work that it stays there.
+    pub(super) fn tell_tap_left(&mut self) {
+        if let Some(line) = self.threading.taps() {
+            self.tell(Event::TapLeft { line });
+        }
     }
 
     /// Why the setpoints of this cycle went on without the spindle, if they did.
@@ -209,7 +246,8 @@ impl<const N: usize> Controller<N> {
     /// The spindle does not turn as it is told to.
     pub(super) fn step_thread(&mut self) -> Result<(), Fault> {
         let off = self.out_of_step();
-        let told = turning(self.switches.functions.spindle) / 60.0;
+        let told = self.spindle_speed() / 60.0;
+        let fastest = turning(self.switches.functions.spindle).abs() / 60.0;
         let turned = self.spindle.angle().after(0.0, RippleLimits::NONE).speed;
         let most_slow = self.cycles(SLOW);
         let paused = self.threading.paused;
@@ -220,7 +258,7 @@ impl<const N: usize> Controller<N> {
         if let Some(off) = off {
             motion.off = Some(motion.off.map_or(off, |most| most.max(off)));
         }
-        let is_slow = turned * told.signum() < 0.5 * told.abs();
+        let is_slow = (turned - told).abs() > 0.5 * fastest;
         motion.slow = if is_slow { motion.slow + 1 } else { 0 };
         let Motion {
             begun,
