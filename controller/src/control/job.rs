@@ -2,6 +2,7 @@
 //!
 //! A job's plan comes from outside of the cycle, instruction by instruction, once it has begun.
 
+use super::beside_path::BesidePath;
 use super::state::{NotNow, Request, State};
 use super::{
     Controller, End, Event, Fault, Goal, Instruction, Phase, Refusal, StopPoint, event_sink,
@@ -95,6 +96,7 @@ impl<const N: usize> Controller<N> {
         self.stop_point = None;
         self.calls.restart();
         self.probing.abort();
+        self.beside_path = BesidePath::new();
         self.signals_read = None;
         self.threading.abort();
         self.pause_told = false;
@@ -206,7 +208,7 @@ impl<const N: usize> Controller<N> {
     /// How many more instructions are taken now.
     #[must_use]
     pub fn room(&self) -> usize {
-        if self.takes_plan() && self.probing.awaits_plan() {
+        if self.takes_plan() && self.beside_path.awaits_plan() {
             return 1;
         }
         // While held, nothing: the plan will be replaced.
@@ -248,10 +250,10 @@ impl<const N: usize> Controller<N> {
         }
         self.begun = true;
         if let Instruction::Found(number) = instruction {
-            self.probing.begin_plan(number);
+            self.beside_path.begin_plan(number);
             return true;
         }
-        if self.probing.awaits_plan() {
+        if self.beside_path.awaits_plan() {
             return true;
         }
         match instruction {
@@ -266,6 +268,7 @@ impl<const N: usize> Controller<N> {
             Instruction::Switch { line, switch } => self.switches.push(line, switch),
             Instruction::Probe(next) => {
                 self.probing.take(next);
+                self.beside_path.forget_found();
                 true
             }
             Instruction::Thread(next) => {
@@ -273,7 +276,7 @@ impl<const N: usize> Controller<N> {
                 true
             }
             Instruction::Home { number, axes } => {
-                self.probing.take_home(number, axes);
+                self.beside_path.take_home(number, axes);
                 true
             }
             Instruction::Found(_) => true,
@@ -290,7 +293,7 @@ impl<const N: usize> Controller<N> {
     /// [`Feeder::replan`](crate::program::Feeder::replan).
     #[must_use]
     pub fn replan_request(&self) -> Option<ReplanRequest> {
-        (self.takes_plan() && !self.probing.awaits_plan())
+        (self.takes_plan() && !self.beside_path.awaits_plan())
             .then(|| self.executor.replan_request())
             .flatten()
     }

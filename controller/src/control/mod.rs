@@ -17,6 +17,7 @@
 //! - `homing`: how axes come to know where they are
 //! - `inputs`: the machine's inputs that mean something
 //! - `limit_switches`: those beyond which no axis is sent
+//! - `beside_path`: what probings, homings and threads have in common: what came of them, holding and going on
 //! - `threading`: lines in step with the spindle
 //! - `probing`: towards what a probe touches, and where that was
 //! - `jogs`: how far, how fast and how long axes are jogged
@@ -31,6 +32,7 @@
 //! - `setpoint_guard`: the last look at a setpoint before it is sent
 
 mod axis;
+mod beside_path;
 pub mod event;
 pub mod fault;
 pub mod functions;
@@ -61,6 +63,7 @@ mod threading;
 mod user_codes;
 
 pub use axis::AxisSample;
+pub use beside_path::Found;
 pub use event::{Event, Pause, Phase};
 pub use fault::Fault;
 pub use functions::{MachineFunctions, Switch};
@@ -72,7 +75,7 @@ pub use jogs::HOLD_TO_RUN;
 pub use layout::Layout;
 pub use order::{Order, Refusal};
 pub use point_to_point::PointToPoint;
-pub use probing::{Found, KnownBy, ProbeFailure, ProbeMove};
+pub use probing::{KnownBy, ProbeFailure, ProbeMove};
 pub use reaction::{Cause, Clearing, Reaction};
 pub use setpoint_guard::Quantity;
 pub use spindle::SpindleSample;
@@ -83,6 +86,7 @@ pub use user_codes::UserCall;
 use crate::bus::{Burst, Outbox, Received};
 use crate::bus::{BusFault, Severity};
 use axis::AxisControl;
+use beside_path::BesidePath;
 use fault::{BusCause, BusIndex, DeviceCause, DeviceIndex, Names};
 use functions::Switches;
 use homing::Homing;
@@ -264,6 +268,7 @@ pub struct Controller<const N: usize> {
     /// The move that the path waits for.
     positioning: Option<point_to_point::Progress>,
     probing: Probing<N>,
+    beside_path: BesidePath<N>,
     /// What the job's last reading of inputs and outputs found.
     signals_read: Option<SignalLevels>,
     /// What the last M66 found, of any job.
@@ -349,6 +354,7 @@ impl<const N: usize> Controller<N> {
             homing: Homing::new(layout.axes.iter().map(|axis| axis.drives.len())),
             positioning: None,
             probing: Probing::new(),
+            beside_path: BesidePath::new(),
             signals_read: None,
             input_result: 0.0,
             threading: Threading::new(),

@@ -1,6 +1,7 @@
 //! From power-up to a machine that is ready and from there to power-down, one phase after the other.
 
 use super::InputWait;
+use super::beside_path::BesidePath;
 use super::fault::{AwaitedState, DeviceCause, DeviceIndex, Fault};
 use super::{
     COMMAND_CYCLES, Controller, DeviceNode, End, Event, Goal, NO_PLAN, Outcome, Pause, Phase,
@@ -227,6 +228,7 @@ impl<const N: usize> Controller<N> {
             Phase::Stop => {
                 self.abort_homing();
                 self.probing.abort();
+                self.beside_path = BesidePath::new();
                 if self.threading.is_active() {
                     self.leave_thread();
                 }
@@ -241,6 +243,7 @@ impl<const N: usize> Controller<N> {
             Phase::QuickStop => {
                 self.cut_homing_off();
                 self.probing.abort();
+                self.beside_path = BesidePath::new();
                 self.tell_tap_left();
                 self.threading.abort();
                 self.frozen = false;

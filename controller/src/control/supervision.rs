@@ -113,7 +113,12 @@ impl<const N: usize> Controller<N> {
             functions: self.switches.functions,
             spindle: self.sample_spindle(),
             analog_inputs: self.analog_inputs(),
-            rests_for: match self.probing.line().or(self.threading.line()) {
+            rests_for: match self
+                .probing
+                .line()
+                .or(self.beside_path.line())
+                .or(self.threading.line())
+            {
                 None => self.reached().and_then(|stop| stop.works_on()),
                 line => line,
             },

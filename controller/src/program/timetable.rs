@@ -92,7 +92,7 @@ impl Timetable {
         self.total.feed + self.total.rapid
     }
 
-    /// Whether it goes to the end of the program: behind a probing or a homing nothing is known before the machine has been there, and
+    /// Whether it goes to the end of the program: behind a probing, a homing or a thread nothing is known before the machine has been there, and
     /// some programs have none.
     #[must_use]
     pub fn is_whole(&self) -> bool {

@@ -160,7 +160,7 @@ pub struct Cycle {
     /// The last job that it was told to be over.
     told_over: Option<(u64, Outcome)>,
     asked: Option<ReplanRequest>,
-    /// The number of the last probing or homing that it was told of.
+    /// The number of the last probing, homing or thread that it was told of.
     told_found: Option<u32>,
     /// The reading of inputs and outputs that the planner was told last.
     told_read: Option<u32>,

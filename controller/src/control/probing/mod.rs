@@ -55,17 +55,6 @@ pub struct ProbeMove<const N: usize> {
     pub probe: Probe,
 }
 
-/// What came of a probing, of a homing that a program asked for, or of a thread.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Found<const N: usize> {
-    /// That of its [`ProbeMove`], of the homing, or of the thread.
-    pub number: u32,
-    /// Of a probing: where the contact came or went, mm; `None`: it did not.
-    pub contact: Option<[f64; N]>,
-    /// Where the plan goes on, mm.
-    pub at: [f64; N],
-}
-
 /// Where a probing is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Stage {
@@ -80,8 +69,6 @@ enum Stage {
     Stopping,
     /// Until the drives have told what they captured.
     Reading,
-    /// Until the program goes on, behind a homing too.
-    Replanning,
 }
 
 /// A probing.
@@ -97,11 +84,6 @@ pub(super) struct Probing<const N: usize> {
     samples: Samples<N>,
     /// Cycles that the axes had to settle, where the motion is over.
     settling: u64,
-    /// The next homing: its number, and which axes, by coordinate.
-    home: Option<(u32, [bool; N])>,
-    /// The number of the homing under way, and its program line.
-    homes: Option<(u32, u32)>,
-    found: Option<Found<N>>,
 }
 
 impl<const N: usize> Probing<N> {
@@ -114,26 +96,17 @@ impl<const N: usize> Probing<N> {
             from: [0.0; N],
             samples: Samples::none(),
             settling: 0,
-            home: None,
-            homes: None,
-            found: None,
         }
     }
 
     /// Whether the axes move, or rest, for one.
     pub(super) fn is_active(&self) -> bool {
-        !matches!(self.stage, Stage::Idle | Stage::Replanning)
+        self.stage != Stage::Idle
     }
 
-    /// Its program line, while it is under way, or that of a homing.
+    /// Its program line, while it is under way.
     pub(super) fn line(&self) -> Option<u32> {
-        let probes = self.is_active().then_some(self.line);
-        probes.or(self.homes.map(|(_, line)| line))
-    }
-
-    /// Whether what comes of the plan is from before it.
-    pub(super) fn awaits_plan(&self) -> bool {
-        self.stage == Stage::Replanning
+        self.is_active().then_some(self.line)
     }
 
     /// Ends it where it is, for good.
@@ -144,20 +117,21 @@ impl<const N: usize> Probing<N> {
     /// Takes what the program asks for at its next stop.
     pub(super) fn take(&mut self, next: ProbeMove<N>) {
         self.next = Some(next);
-        self.found = None;
     }
 
-    /// Takes which axes the program homes at its next stop.
-    pub(super) fn take_home(&mut self, number: u32, axes: [bool; N]) {
-        self.home = Some((number, axes));
-        self.found = None;
+    /// Whether an operator holds it.
+    pub(super) fn is_paused(&self) -> bool {
+        self.paused
     }
 
-    /// The plan behind a probing or a homing begins.
-    pub(super) fn begin_plan(&mut self, number: u32) {
-        if self.awaits_plan() && self.found.is_some_and(|found| found.number == number) {
-            self.stage = Stage::Idle;
-        }
+    /// Has it rest on its way.
+    pub(super) fn pause(&mut self) {
+        self.paused |= self.is_active();
+    }
+
+    /// Ends that; whether it was.
+    pub(super) fn go_on(&mut self) -> bool {
+        std::mem::take(&mut self.paused)
     }
 }
 
@@ -177,18 +151,12 @@ impl<const N: usize> Controller<N> {
         })
     }
 
-    /// What came of the last probing or homing of the job.
-    #[must_use]
-    pub fn found(&self) -> Option<&Found<N>> {
-        self.probing.found.as_ref()
-    }
-
     /// Something touched the probe while the axes moved, and nobody was probing. An axis may still move for a while after
     /// its setpoints.
     pub(super) fn touched(&mut self) {
         let rests = self.cycle - self.moved > self.still_cycles().into() && self.goers_rest();
-        let probing = self.probing.stage != Stage::Idle;
-        if probing || rests || self.phase != Phase::Program {
+        let probes = self.probing.is_active() || self.beside_path.awaits_plan();
+        if probes || rests || self.phase != Phase::Program {
             return;
         }
         self.tell(Event::Touched);
@@ -268,7 +236,7 @@ impl<const N: usize> Controller<N> {
         let answered = self.nodes.iter().all(|node| node.is_sequence_done());
         let rests = self.executor.is_at_rest() && self.shaping.is_settled();
         match self.probing.stage {
-            Stage::Idle | Stage::Replanning => {}
+            Stage::Idle => {}
             Stage::Arming if answered => {
                 self.probing.stage = Stage::Moving;
                 self.move_on(&next);
@@ -360,38 +328,6 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// Has it rest on its way, or on the path; a thread is cut before.
-    pub(super) fn hold_path(&mut self) {
-        if self.threading.is_active() {
-            return self.threading.pause(true);
-        }
-        self.probing.paused |= self.probing.is_active();
-        self.executor.feed_hold();
-    }
-
-    /// Ends that.
-    pub(super) fn resume_path(&mut self) {
-        if self.threading.is_active() {
-            self.threading.pause(false);
-        } else if !self.probing.is_active() {
-            self.executor.resume();
-        } else if std::mem::take(&mut self.probing.paused) {
-            if std::mem::take(&mut self.held) {
-                self.tell(Event::Resumed);
-            }
-            self.change_probing_speed();
-        }
-    }
-
-    /// Whether an operator, or nobody but the override, holds the path.
-    pub(super) fn is_path_held(&self) -> bool {
-        match self.probing.is_active() {
-            _ if self.threading.is_active() => self.threading.is_paused(),
-            true => self.probing.paused,
-            false => self.executor.is_held(),
-        }
-    }
-
     /// A probing goes on with the overrides as they are now.
     pub(super) fn change_probing_speed(&mut self) {
         let next = self.probing.next;
@@ -414,44 +350,6 @@ impl<const N: usize> Controller<N> {
         });
         let rests = self.probing.paused;
         self.replan_behind(next.number, contact.map(|contact| contact.at), rests);
-    }
-
-    /// The program goes on from where the axes rest, behind its search with that number; held if it `rests`.
-    pub(super) fn replan_behind(&mut self, number: u32, contact: Option<[f64; N]>, rests: bool) {
-        let rests = rests || self.executor.is_single_block();
-        self.probing.abort();
-        self.probing.found = Some(Found {
-            number,
-            contact,
-            at: self.planned.position,
-        });
-        self.probing.stage = Stage::Replanning;
-        self.stop_point = None;
-        self.rest_here();
-        if rests {
-            self.executor.feed_hold();
-        }
-    }
-
-    /// The path rests where the program homes axes.
-    pub(super) fn begin_program_homing(&mut self, line: u32) {
-        let held = self.executor.is_held();
-        let Some((number, axes)) = self.probing.home.take_if(|_| !held) else {
-            return;
-        };
-        self.probing.homes = Some((number, line));
-        // Which axes can be homed the program was held against as it was read.
-        if self.home(axes).is_err() {
-            self.fail(Fault::Program);
-        }
-    }
-
-    /// All axes that were to be homed have been: so the program goes on that asked for it.
-    pub(super) fn end_program_homing(&mut self) {
-        if let Some((number, line)) = self.probing.homes {
-            self.tell(Event::ProgramHomed { line });
-            self.replan_behind(number, None, false);
-        }
     }
 
     fn probing_failed(&mut self, failure: ProbeFailure) {
