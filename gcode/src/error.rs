@@ -325,6 +325,16 @@ pub enum Fault {
     TapDirection { code: Code, needs: &'static str },
     #[error("{code} has both K and F, and F is not K times S: write F{feed}, or no F")]
     TapFeed { code: Code, feed: f64 },
+    #[error("{code} is for X and Z: write G18 before")]
+    ThreadingPlane { code: Code },
+    #[error("{code} goes along Z from where the axes are: move {axis} there before")]
+    ThreadingAxis { code: Code, axis: Axis },
+    #[error(
+        "{code} cuts straight passes: remove E and L, and begin and end beside the work, or in a groove"
+    )]
+    ThreadingTaper { code: Code },
+    #[error("{code} would take more than {allowed} passes: correct J or R")]
+    TooManyPasses { code: Code, allowed: usize },
     #[error("{code} leads nowhere: write where the thread ends")]
     ThreadNowhere { code: Code },
     #[error("{code} moves along X Y Z only: move {axis} there before")]

@@ -47,6 +47,7 @@ mod switches;
 mod system;
 mod tables;
 mod thread;
+mod threading_cycle;
 mod words;
 
 pub use arc::{Arc, Direction, Plane, RADIUS_RATIO, RADIUS_TOLERANCE};

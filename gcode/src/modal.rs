@@ -112,8 +112,6 @@ pub(crate) enum Standing {
     Unknown,
 }
 
-const NO_THREAD: &str = "it moves in step with the spindle, which only G33 does: write the passes out \
-                         with it, or mill the thread with G2 or G3 and Z";
 const NO_FEED_PER_TURN: &str = "it moves in step with the spindle, whose speed the controller does \
                                 not measure: write G94, and F as that feed times S";
 const NO_ORIENTATION: &str =
@@ -145,8 +143,7 @@ impl Code {
                 170 | 180 | 190 => Supported(Group::Plane),
                 171 | 181 | 191 => Refused("planes of U V W have no arcs: use G17, G18 or G19"),
                 200 | 210 => Supported(Group::Units),
-                330 | 331 => Supported(Group::Motion),
-                760 => Refused(NO_THREAD),
+                330 | 331 | 760 => Supported(Group::Motion),
                 400 | 410 | 411 | 420 | 421 => Supported(Group::CutterCompensation),
                 430..=432 | 490 => Supported(Group::ToolLength),
                 500 | 510 => Refused(NO_SCALING),
@@ -205,6 +202,8 @@ pub enum Motion {
     Thread,
     /// G33.1
     Tap,
+    /// G76
+    ThreadingCycle,
     /// G38.2 … G38.5
     Probe(Probe),
     /// G73, G81 …
@@ -225,6 +224,7 @@ impl Motion {
             Motion::Nurbs => 52,
             Motion::Thread => 330,
             Motion::Tap => 331,
+            Motion::ThreadingCycle => 760,
             Motion::Probe(Probe { away, required }) => {
                 382 + 2 * u16::from(away) + u16::from(!required)
             }

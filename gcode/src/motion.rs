@@ -40,6 +40,7 @@ impl State {
                 Code::G(52) => Motion::Nurbs,
                 Code::G(330) => Motion::Thread,
                 Code::G(331) => Motion::Tap,
+                Code::G(760) => Motion::ThreadingCycle,
                 Code::G(tenths @ 382..=385) => Motion::Probe(Probe {
                     away: tenths >= 384,
                     required: tenths % 2 == 0,
@@ -86,7 +87,7 @@ impl State {
                 Motion::Probe(_) if explicit.is_some() => {
                     Err(Refusal::new(motion_columns, Fault::ProbeNowhere { code }))
                 }
-                Motion::Thread | Motion::Tap if explicit.is_some() => {
+                Motion::Thread | Motion::Tap | Motion::ThreadingCycle if explicit.is_some() => {
                     Err(Refusal::new(motion_columns, Fault::ThreadNowhere { code }))
                 }
                 _ => Ok(()),
@@ -105,6 +106,9 @@ impl State {
         }
         if let Motion::Thread | Motion::Tap = motion {
             return self.thread(motion, words, motion_columns, commands);
+        }
+        if motion == Motion::ThreadingCycle {
+            return self.threading_cycle(words, motion_columns, commands);
         }
         if let Motion::Cubic | Motion::Quadratic | Motion::Nurbs = motion {
             return self.spline(motion, words, motion_columns, commands);

@@ -97,6 +97,53 @@ fn cycles_tap_at_each_place() {
     assert_eq!(found, expected);
 }
 
+/// How deep each pass is, from the crest, where along Z it begins, and where it ends.
+fn passes(text: &str) -> Vec<[f64; 3]> {
+    let commands = run_with(measured(), text).unwrap();
+    let (mut at, mut passes) = (Point::ZERO, Vec::new());
+    for command in &commands {
+        match command.action {
+            Action::Rapid { to } => at = to,
+            Action::Thread { to, lead } => {
+                assert_eq!(lead, 1.5);
+                assert_eq!(at.0[0], to.0[0]);
+                passes.push([at.0[0], at.0[2], to.0[2]]);
+                at = to;
+            }
+            _ => {}
+        }
+    }
+    passes
+}
+
+/// As deep as LinuxCNC has them: J times the R-th root of the pass's number, the last as deep as K, springs as the last.
+#[test]
+fn a_threading_cycle_is_a_sequence_of_passes() {
+    let begin = "G21 G90 G18 M3 S300\nG0 X12 Z5\n";
+    let constant = passes(&format!("{begin}G76 P1.5 Z-20 I-2 J0.3 K0.8\nM2\n"));
+    let expected = [9.7, 9.4, 9.2].map(|x| [x, 5.0, -20.0]);
+    assert_eq!(constant.len(), 3);
+    for (pass, expected) in constant.iter().flatten().zip(expected.iter().flatten()) {
+        assert!((pass - expected).abs() < 1e-9, "{constant:?}");
+    }
+    // Of constant area, along a flank of 30°, with two springs, inside.
+    let flank = passes(&format!(
+        "{begin}G76 P1.5 Z-20 I2 J0.4 K0.8 R2 Q30 H2\nM2\n"
+    ));
+    let depths = [0.4, 0.4 * 2f64.sqrt(), 0.4 * 3f64.sqrt(), 0.8, 0.8, 0.8];
+    assert_eq!(flank.len(), depths.len());
+    for ([x, from, to], depth) in flank.iter().zip(depths) {
+        assert!((x - (14.0 + depth)).abs() < 1e-9, "{flank:?}");
+        assert!((from - (5.0 - depth * 30f64.to_radians().tan())).abs() < 1e-9);
+        assert_eq!(*to, -20.0);
+    }
+    // It ends on the line on which it began, at Z.
+    let text = format!("{begin}G76 P1.5 Z-20 I-2 J0.3 K0.8\nG0 X20\nM2\n");
+    let mut program = Interpreter::from_text("part.ngc", &text, measured());
+    let entry = program.enter_at_line(4).unwrap();
+    assert_eq!(entry.at, point(12.0, -20.0));
+}
+
 /// A program that is begun behind a thread stands at its end.
 #[test]
 fn a_program_is_begun_behind_a_thread() {
@@ -125,6 +172,23 @@ fn what_cannot_be_is_refused_with_its_place() {
             ("M3 S300 G33.1 Z-10", "1:9"),
             ("M3 S300 G33.1 Z-60 K1", "1:15"),
             ("M3 S300 G33.1 K1", "1:9"),
+            ("G18 G76 P1 Z-9 I-1 J0.1 K0.5", "1:5"),
+            ("M3 S300 G76 P1 Z-9 I-1 J0.1 K0.5", "1:9"),
+            ("G18 M3 S300 G76 Z-9 I-1 J0.1 K0.5", "1:13"),
+            ("G18 M3 S300 G76 P1 Z-9 J0.1 K0.5", "1:13"),
+            ("G18 M3 S300 G76 P1 Z-9 I-1 K0.5", "1:13"),
+            ("G18 M3 S300 G76 P1 Z-9 I-1 J0.1", "1:13"),
+            ("G18 M3 S300 G76 P1 X1 Z-9 I-1 J0.1 K0.5", "1:20"),
+            ("G18 M3 S300 G76 P1 Z0 I-1 J0.1 K0.5", "1:13"),
+            ("G18 M3 S300 G76 P1 Z-9 I0 J0.1 K0.5", "1:24"),
+            ("G18 M3 S300 G76 P1 Z-9 I-1 J0 K0.5", "1:28"),
+            ("G18 M3 S300 G76 P1 Z-9 I-1 J0.1 K0", "1:33"),
+            ("G18 M3 S300 G76 P1 Z-9 I-1 J0.1 K0.5 R0.5", "1:38"),
+            ("G18 M3 S300 G76 P1 Z-9 I-1 J0.1 K0.5 Q90", "1:38"),
+            ("G18 M3 S300 G76 P1 Z-9 I-1 J0.1 K0.5 H0.5", "1:38"),
+            ("G18 M3 S300 G76 P1 Z-9 I-1 J0.1 K0.5 E1 L1", "1:38"),
+            ("G18 M3 S300 G76 P1 Z-9 I-1 J0.0001 K0.5", "1:13"),
+            ("G18 M3 S300 G76 P1 Z-60 I-1 J0.1 K0.5", "1:20"),
             ("G84 Z-10 R1 K1", "1:1"),
             ("M4 S300 G84 Z-10 R1 K1", "1:9"),
             ("M3 S300 G74 Z-10 R1 K1", "1:9"),

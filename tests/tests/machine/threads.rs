@@ -279,6 +279,33 @@ fn passes_of_other_speeds_and_from_whole_leads_on_meet_the_same_thread() {
     }
 }
 
+/// The passes of a cycle meet the same thread: at the spindle's same angle within 0.05°.
+#[test]
+fn the_passes_of_a_cycle_begin_at_the_same_angle() {
+    let program = "G21 G90 G18\nM3 S600\nG0 X8 Z40\nG76 P1.5 Z10 I-1 J0.2 K0.6 H1\nM5\nM2\n";
+    for counts in [4096, FINE] {
+        let thread = Thread { counts, ..EVEN };
+        let mut rig = thread.rig_for(program);
+        let mut passes = [(0.0, 0.0); 4];
+        while rig.step() {
+            let pass = told(&rig).len();
+            let plan = rig.rows.last().map(|row| row.plan);
+            if plan.is_some_and(|it| it.off_path && (15.0..30.0).contains(&it.position[2])) {
+                passes[pass].0 += thread.off(&mut rig);
+                passes[pass].1 += 1.0;
+            }
+        }
+        assert_eq!(rig.end(), Some(End::Finished), "{:?}", rig.events);
+        assert_eq!(told(&rig).len(), 4);
+        let angles = passes.map(|(off, samples)| off / samples / thread.lead * 360.0);
+        let (least, most) = (angles.into_iter()).fold((f64::MAX, f64::MIN), |(least, most), it| {
+            (least.min(it), most.max(it))
+        });
+        assert!(most - least < 0.05, "{angles:?}");
+        rig.trace().assert_within_limits();
+    }
+}
+
 #[test]
 fn a_second_run_sends_the_same_frames() {
     let thread = Thread {
