@@ -150,8 +150,17 @@ impl World {
         (self.couplings).follow(follower, leader, ratio, &mut self.buses[..]);
     }
 
-    /// The coupling between a [follower](Self::follow) and its leader slips: the follower's shaft jumps
-    /// by so many revolutions.
+    /// Turns the shaft of a device that no other one turns, before time passes: so many revolutions a second, whatever
+    /// happens.
+    ///
+    /// # Panics
+    /// If it has no shaft.
+    pub fn turn(&mut self, device: DeviceId, speed: f64) {
+        self.couplings.turn(device, speed, &mut self.buses[..]);
+    }
+
+    /// The coupling between a [follower](Self::follow) and its leader slips, or somebody [turns](Self::turn) the shaft by
+    /// hand besides: it jumps by so many revolutions.
     pub fn slip(&mut self, follower: DeviceId, by: f64) {
         for coupled in self.couplings.of(follower) {
             coupled.zero += by;
@@ -299,6 +308,14 @@ impl Hosted {
         (self.couplings).follow(follower, leader, ratio, &mut self.devices[..]);
     }
 
+    /// Turns the shaft of the device at one place, as [`World::turn`] does.
+    ///
+    /// # Panics
+    /// If it has no shaft.
+    pub fn turn(&mut self, place: usize, speed: f64) {
+        (self.couplings).turn(Self::at(place), speed, &mut self.devices[..]);
+    }
+
     /// Fits a probe that touches work pieces, as [`World::fit_probe`] does.
     ///
     /// # Panics
@@ -380,10 +397,11 @@ struct Couplings {
 /// A shaft that another one turns.
 struct Follower {
     follower: DeviceId,
-    leader: DeviceId,
-    /// Revolutions for one of the leader.
+    /// What turns it; `None`: time itself.
+    leader: Option<DeviceId>,
+    /// Revolutions for one of the leader, or for a second.
     ratio: f64,
-    /// Where it is while the leader is at zero.
+    /// Where it is while the leader is at zero, or was at first.
     zero: f64,
 }
 
@@ -448,8 +466,20 @@ impl Couplings {
         }
         self.followers.push(Follower {
             follower,
-            leader,
+            leader: Some(leader),
             ratio,
+            zero,
+        });
+    }
+
+    fn turn(&mut self, device: DeviceId, speed: f64, all: &mut (impl Devices + ?Sized)) {
+        let shaft = shaft_of(device, all);
+        let zero = shaft.position();
+        shaft.couple(Instant::ZERO);
+        self.followers.push(Follower {
+            follower: device,
+            leader: None,
+            ratio: speed,
             zero,
         });
     }
@@ -481,12 +511,21 @@ impl Couplings {
 
 impl Follower {
     fn step(&self, end: Instant, all: &mut (impl Devices + ?Sized)) {
-        let leader = all.device_mut(self.leader);
-        leader.run_until(end);
-        let Some(shaft) = leader.shaft_mut() else {
-            return;
+        let load = match self.leader {
+            None => Motion {
+                position: (end - Instant::ZERO).as_secs_f64(),
+                velocity: 1.0,
+                acceleration: 0.0,
+            },
+            Some(leader) => {
+                let leader = all.device_mut(leader);
+                leader.run_until(end);
+                let Some(shaft) = leader.shaft_mut() else {
+                    return;
+                };
+                shaft.load_motion()
+            }
         };
-        let load = shaft.load_motion();
         let motion = Motion {
             position: self.zero + self.ratio * load.position,
             velocity: self.ratio * load.velocity,

@@ -222,6 +222,7 @@ impl Shape {
             lock_timeout: Duration::from_secs(5),
             state_timeout: Duration::from_secs(5),
             stop_together: false,
+            measured: Vec::new(),
             spindle: None,
             speed_loss: Duration::ZERO,
             shaper: Shaper::none(),

@@ -9,7 +9,7 @@ use crate::machine::{
 };
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, NodeId};
-use syncline_drives::model::{Device, Direction, Increments, Scaling};
+use syncline_drives::model::{Device, Direction, Feedback, Increments, Scaling};
 use syncline_trajectory::path::Retraction;
 use syncline_trajectory::shaper::Shaper;
 
@@ -54,6 +54,8 @@ pub struct Layout {
     pub devices: Vec<DeviceSpec>,
     /// Axes, in the order of the machine file.
     pub axes: Vec<AxisSpec>,
+    /// The encoders on shafts of their own, in the order of the machine file.
+    pub measured: Vec<DeviceIndex>,
     /// The spindle, where a drive turns it.
     pub spindle: Option<SpindleSpec>,
     /// A cut may go on for so long after the spindle has lost its speed.
@@ -165,6 +167,27 @@ pub struct SpindleSpec {
     pub reversal: Duration,
 }
 
+impl AxisSpec {
+    fn of(machine: &Machine, axis: &machine::Axis) -> Self {
+        Self {
+            name: axis.name().to_owned(),
+            coordinate: axis.letter.index(),
+            unit: axis.units()[0],
+            drives: axis.drives.clone(),
+            point_to_point: axis.motion == Motion::PointToPoint,
+            feedback: axis.feedback.map(|feedback| AxisFeedback {
+                encoder: machine.drives.len() + feedback.encoder,
+                difference: feedback.difference,
+                closes_loop: feedback.closes_loop,
+            }),
+            limits: axis.limits,
+            homing: axis.homing.clone(),
+            limit_inputs: axis.limit_inputs.clone(),
+            kept: Err(NotKept::Unknown),
+        }
+    }
+}
+
 impl SpindleSpec {
     /// By how much it may differ from a speed that it has, 1/min.
     pub(super) fn window(&self, speed: f64) -> f64 {
@@ -267,10 +290,17 @@ impl Layout {
                 let loss = machine.position_loss(index);
                 let lost = loss.map(|loss| (loss.as_nanos() / machine.cycle.as_nanos()) as u32 + 1);
                 let scale = scale(machine, index, node.seat);
-                let scaling = scale.map_or(nowhere, |(scaling, _)| scaling);
-                let standstill = scale.map(|(scaling, window)| scaling.magnitude(window));
+                let mut scaling = scale.map_or(nowhere, |(scaling, _)| scaling);
+                let mut standstill = scale.map(|(scaling, window)| scaling.magnitude(window));
                 let middle = node.seat.map(|seat| machine.axes[seat.axis].middle());
-                let middle = middle.and_then(|mm| scaling.to_increments(mm).ok());
+                let mut middle = middle.and_then(|mm| scaling.to_increments(mm).ok());
+                if let Some((_, encoder)) = machine.measured().find(|(at, _)| *at == index) {
+                    // It turns as it likes, and counts from what it reads first.
+                    let range = device.feedback().and_then(Feedback::range);
+                    scaling = encoder.scaling;
+                    standstill = Some(Increments::MAX);
+                    middle = range.map(|range| Increments::new(range.get() / 2));
+                }
                 DeviceSpec {
                     name: node.name.to_owned(),
                     bus: node.bus,
@@ -303,25 +333,11 @@ impl Layout {
             stop_together: controller.stop_together,
             lag,
             axes: (machine.axes.iter())
-                .map(|axis| AxisSpec {
-                    name: axis.name().to_owned(),
-                    coordinate: axis.letter.index(),
-                    unit: axis.units()[0],
-                    drives: axis.drives.clone(),
-                    point_to_point: axis.motion == Motion::PointToPoint,
-                    feedback: axis.feedback.map(|feedback| AxisFeedback {
-                        encoder: machine.drives.len() + feedback.encoder,
-                        difference: feedback.difference,
-                        closes_loop: feedback.closes_loop,
-                    }),
-                    limits: axis.limits,
-                    homing: axis.homing.clone(),
-                    limit_inputs: axis.limit_inputs.clone(),
-                    kept: Err(NotKept::Unknown),
-                })
+                .map(|axis| AxisSpec::of(machine, axis))
                 .collect(),
             buses,
             devices,
+            measured: machine.measured().map(|(device, _)| device).collect(),
             spindle: SpindleSpec::of(machine),
             speed_loss: (machine.spindle.as_ref()).map_or(Duration::ZERO, |it| it.loss),
             shaper: machine.shaper.clone(),

@@ -29,6 +29,7 @@
 //! - [`spindle`]: a spindle that a drive turns
 //! - `axis`: planned position to increments, following error
 //! - [`reaction`], `supervision`: what is done about what happens, the table and its execution
+//! - [`measured`]: encoders on shafts of their own
 //! - `setpoint_guard`: the last look at a setpoint before it is sent
 
 mod axis;
@@ -44,6 +45,7 @@ mod jogs;
 pub mod layout;
 mod limit_switches;
 pub mod loss;
+pub mod measured;
 mod node;
 mod order;
 mod phases;
@@ -73,6 +75,7 @@ pub use instruction::{Instruction, StopPoint};
 pub use job::{Job, JobKind, Outcome};
 pub use jogs::HOLD_TO_RUN;
 pub use layout::Layout;
+pub use measured::MeasuredSample;
 pub use order::{Order, Refusal};
 pub use point_to_point::PointToPoint;
 pub use probing::{KnownBy, ProbeFailure, ProbeMove};
@@ -85,6 +88,7 @@ pub use user_codes::UserCall;
 
 use crate::bus::{Burst, Outbox, Received};
 use crate::bus::{BusFault, Severity};
+use crate::machine::MEASURED;
 use axis::AxisControl;
 use beside_path::BesidePath;
 use fault::{BusCause, BusIndex, DeviceCause, DeviceIndex, Names};
@@ -163,6 +167,8 @@ pub struct Row<const N: usize> {
     pub spindle: Option<SpindleSample>,
     /// What the analog inputs are, in the order of the machine file.
     pub analog_inputs: [f64; ANALOG_INPUTS],
+    /// What the encoders on shafts of their own measure, in the order of the machine file.
+    pub measured: [Option<MeasuredSample>; MEASURED],
     /// Program line of the block that is at work while the path rests for it.
     pub rests_for: Option<u32>,
 }

@@ -113,6 +113,7 @@ impl<const N: usize> Controller<N> {
             functions: self.switches.functions,
             spindle: self.sample_spindle(),
             analog_inputs: self.analog_inputs(),
+            measured: self.sample_measured(),
             rests_for: match self
                 .probing
                 .line()

@@ -1,5 +1,5 @@
 //! `[[encoder]]`: devices that tell where an axis is and do not move it, and `feedback`, by which an
-//! axis names one.
+//! axis names one. One that is `measured` is on a shaft of its own.
 
 use super::node::NodeTable;
 use super::read::unknown;
@@ -21,10 +21,12 @@ pub struct Encoder {
     pub node: NodeId,
     /// What it is.
     pub model: &'static Model,
-    /// Index of the axis that it sees in [`Machine::axes`].
-    pub axis: usize,
-    /// The axis's millimetres and its own increments.
+    /// Index of the axis that it sees in [`Machine::axes`]; `None` of one that is measured, on a shaft of its own.
+    pub axis: Option<usize>,
+    /// The axis's, or its own shaft's, millimetres and its own increments.
     pub scaling: Scaling,
+    /// How fast its own shaft turns where it is simulated, mm/s.
+    pub simulated_speed: f64,
     /// Written after the standard set-up, in this order.
     pub objects: Vec<Write>,
 }
@@ -41,9 +43,15 @@ pub struct Feedback {
     pub closes_loop: bool,
 }
 
+/// Encoders on shafts of their own, at most.
+pub const MEASURED: usize = 4;
+
 /// A table good on its own.
 pub(super) struct EncoderTable {
     pub(super) node: NodeTable,
+    /// Where the file says that it is on a shaft of its own, if it does.
+    measured: Option<Range<usize>>,
+    simulated_speed: f64,
     pitch: f64,
     direction: Direction,
     zero: Increments,
@@ -56,16 +64,24 @@ impl EncoderTable {
         let pitch = table.positive(log, "pitch", unit);
         let direction = super::read::direction(log, &mut table);
         let zero = table.integer_or(log, "zero", 0, 0..=u32::MAX.into(), " (increments)");
+        let span = table.span_of("measured").unwrap_or_default();
+        let measured = table.flag_or(log, "measured", false).then_some(span);
+        let allowed =
+            "a number from -1000000 to 1000000 (mm/s or °/s), of an encoder that is `measured`";
+        let is_speed = |speed: f64| measured.is_some() && speed.abs() <= 1e6;
+        let speed = table.number_if(log, "simulated_speed", allowed, is_speed);
         table.finish(log);
         Some(Self {
             node: node?,
+            measured,
+            simulated_speed: speed.map_or(0.0, Spanned::into_inner),
             pitch: pitch?.into_inner(),
             direction,
             zero: Increments::new(zero),
         })
     }
 
-    pub(super) fn join(self, bus: usize, axis: usize, assumed: &Assumed) -> Encoder {
+    pub(super) fn join(self, bus: usize, axis: Option<usize>, assumed: &Assumed) -> Encoder {
         let model = self.node.model;
         Encoder {
             name: self.node.name.into_inner(),
@@ -79,6 +95,7 @@ impl EncoderTable {
                 self.direction,
                 self.zero,
             ),
+            simulated_speed: self.simulated_speed,
             objects: self.node.objects,
         }
     }
@@ -171,7 +188,7 @@ impl FeedbackTable {
     }
 }
 
-/// The axis that each encoder sees: exactly one.
+/// The axis that each encoder sees: exactly one, or none of one that is measured.
 pub(super) fn assign<'t>(
     log: &mut Log<'_>,
     encoders: &[EncoderTable],
@@ -191,6 +208,14 @@ pub(super) fn assign<'t>(
                 "add it as an [[encoder]]",
             ),
             None => unknown(log, &title, "encoder", name, names),
+            Some(encoder) if encoders[encoder].measured.is_some() => log.report(
+                name.span(),
+                format!(
+                    "{title}: encoder \"{}\" is `measured`, and no axis' feedback",
+                    name.get_ref()
+                ),
+                "leave one of them out",
+            ),
             Some(encoder) if axis_of[encoder].is_some() => log.report(
                 name.span(),
                 format!(
@@ -207,22 +232,47 @@ pub(super) fn assign<'t>(
         misnamed = true;
     }
     for (encoder, axis) in encoders.iter().zip(&axis_of) {
-        if axis.is_none() && !misnamed {
+        if axis.is_none() && encoder.measured.is_none() && !misnamed {
             log.report(
                 encoder.node.name.span(),
                 format!("{}: no axis names it", encoder.node.title()),
-                "name it as the `feedback` of an [[axis]], or remove it",
+                "name it as the `feedback` of an [[axis]], say that it is `measured`, or remove it",
             );
         }
     }
+    check_measured(log, encoders);
     axis_of
+}
+
+/// Whether the encoders that are measured have names that a table can have columns for, and are few enough.
+fn check_measured(log: &mut Log<'_>, encoders: &[EncoderTable]) {
+    let measured = encoders
+        .iter()
+        .filter_map(|it| Some((it, it.measured.as_ref()?)));
+    for (place, (encoder, span)) in measured.enumerate() {
+        let is_plain = |it: char| it.is_ascii_alphanumeric() || it == '_' || it == '-';
+        let title = encoder.node.title();
+        if !encoder.node.name.get_ref().chars().all(is_plain) {
+            log.report(
+                encoder.node.name.span(),
+                format!("{title}: the trace has a column of that name"),
+                "allowed: letters and digits, - and _",
+            );
+        }
+        if place == MEASURED {
+            let problem = format!("{title}: more than {MEASURED} encoders are `measured`");
+            log.report(span.clone(), problem, "leave one of them out");
+        }
+    }
 }
 
 /// Whether each encoder tells every place of its axis from every other one, and finely enough. `places`
 /// are where the file names them.
 pub(super) fn check(log: &mut Log<'_>, machine: &Machine, places: &[Range<usize>]) {
     for (index, (encoder, place)) in machine.encoders.iter().zip(places).enumerate() {
-        let axis = &machine.axes[encoder.axis];
+        let Some(axis) = encoder.axis.map(|axis| &machine.axes[axis]) else {
+            continue;
+        };
         let unit = axis.units()[0];
         let (name, title) = (&encoder.name, encoder.model.title);
         let (least, most) = axis.limits.position;
@@ -257,6 +307,13 @@ pub(super) fn check(log: &mut Log<'_>, machine: &Machine, places: &[Range<usize>
 }
 
 impl Machine {
+    /// The encoders on shafts of their own, each with its place among the [devices](Self::nodes).
+    pub fn measured(&self) -> impl Iterator<Item = (usize, &Encoder)> {
+        let encoders = self.encoders.iter().enumerate();
+        let measured = encoders.filter(|(_, encoder)| encoder.axis.is_none());
+        measured.map(|(place, encoder)| (self.drives.len() + place, encoder))
+    }
+
     /// Whether the controller closes a position loop about an axis, by its index.
     #[must_use]
     pub fn closes_loop(&self, axis: usize) -> bool {

@@ -21,7 +21,7 @@ mod state_file;
 mod user_code;
 mod validation;
 
-pub use encoder::{Encoder, Feedback};
+pub use encoder::{Encoder, Feedback, MEASURED};
 pub use homing::{
     DriveHoming, HardStopSearch, Homing, HomingMethod, HomingPolicy, Square, SwitchSearch, TestMove,
 };

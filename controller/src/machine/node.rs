@@ -58,8 +58,8 @@ impl<'m> From<&'m Encoder> for Node<'m> {
             bus: encoder.bus,
             id: encoder.node,
             model: encoder.model,
-            seat: Some(Seat {
-                axis: encoder.axis,
+            seat: encoder.axis.map(|axis| Seat {
+                axis,
                 scaling: &encoder.scaling,
             }),
             objects: &encoder.objects,

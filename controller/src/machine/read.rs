@@ -184,28 +184,32 @@ impl Tables {
         let bus_of = node::places(log, &devices, &self.buses, &self.cycle, controller.node);
 
         self.assumptions.extend(described);
-        let mut axis_of = self.assign(log);
+        let axis_of = self.assign(log);
         let feedbacks = self.axes.iter();
         let feedbacks = feedbacks.map(|axis| (axis.title(), axis.feedback.as_ref()));
-        axis_of.extend(encoder::assign(log, &self.encoders, feedbacks));
+        let seen = encoder::assign(log, &self.encoders, feedbacks);
         let bus_of: Option<Vec<usize>> = bus_of.into_iter().collect();
         let axis_of: Option<Vec<usize>> = axis_of.into_iter().collect();
         let mut bus_of = bus_of?;
         let turning = turning.and_then(|drive| Some((drive, bus_of.pop()?)));
         let io_buses = bus_of.split_off(bus_of.len() - self.io_nodes.len());
-        let mut places = bus_of.into_iter().zip(axis_of?);
+        let encoder_buses = bus_of.split_off(self.drives.len());
+        let places = bus_of.into_iter().zip(axis_of?);
         let named: Vec<_> = (self.drives.iter().map(|it| it.node.name.span())).collect();
         let drives: Vec<_> = self
             .drives
             .into_iter()
-            .zip(&mut places)
+            .zip(places)
             .map(|(drive, (bus, axis))| {
                 let assumed = assumed(&self.assumptions, drive.node.model);
                 drive.join(log, bus, axis, &self.axes[axis], &assumed)
             })
             .collect();
         let stated: Vec<_> = self.encoders.iter().map(|it| it.node.name.span()).collect();
-        let encoders = self.encoders.into_iter().zip(places);
+        let encoders = self
+            .encoders
+            .into_iter()
+            .zip(encoder_buses.into_iter().zip(seen));
         let encoders: Vec<_> = encoders
             .map(|(encoder, (bus, axis))| {
                 let assumed = assumed(&self.assumptions, encoder.node.model);

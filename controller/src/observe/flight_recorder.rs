@@ -15,8 +15,8 @@
 
 use super::trace;
 use crate::bus_log::{BusLog, LogFile};
-use crate::control::{Event, Layout, MachineFunctions, Row, SpindleSample, State};
-use crate::machine::{COORDINATES, Machine, Position};
+use crate::control::{Event, Layout, MachineFunctions, MeasuredSample, Row, SpindleSample, State};
+use crate::machine::{COORDINATES, MEASURED, Machine, Position};
 use std::collections::VecDeque;
 use std::fmt::{self, Write as _};
 use std::fs::{self, File};
@@ -53,6 +53,7 @@ struct Moment {
     actual: Position,
     functions: MachineFunctions,
     spindle: Option<SpindleSample>,
+    measured: [Option<MeasuredSample>; MEASURED],
     /// Bit by bit, by the place in the machine file.
     inputs: u64,
 }
@@ -116,6 +117,8 @@ struct Legend {
     axes: Vec<(&'static str, usize)>,
     /// A drive turns the spindle.
     has_spindle: bool,
+    /// How many encoders are on shafts of their own, and the names of their columns.
+    measured: (usize, String),
 }
 
 /// See the module.
@@ -203,6 +206,7 @@ impl FlightRecorder {
                     .map(|axis| (axis.name(), axis.letter.index()))
                     .collect(),
                 has_spindle: machine.spindle_drive().is_some(),
+                measured: (machine.measured().count(), trace::measured_columns(machine)),
             }),
             folder,
             origin,
@@ -250,6 +254,7 @@ impl FlightRecorder {
             actual: row.axes.map(|axis| axis.act),
             functions: row.functions,
             spindle: row.spindle,
+            measured: row.measured,
             inputs: self.inputs,
         };
         self.moments.push(row.at, moment);
@@ -340,6 +345,7 @@ impl Recording {
             inputs,
             axes,
             has_spindle,
+            measured: (measured, measured_columns),
             ..
         } = &*self.legend;
         let mut row = "t_s,state,line".to_owned();
@@ -351,6 +357,7 @@ impl Recording {
         if *has_spindle {
             row += trace::SPINDLE_COLUMNS;
         }
+        row += measured_columns;
         for name in inputs {
             let _ = write!(row, ",input_{name}");
         }
@@ -367,6 +374,7 @@ impl Recording {
             if *has_spindle {
                 trace::write_spindle(&mut row, moment.spindle);
             }
+            trace::write_measured(&mut row, &moment.measured[..*measured]);
             for input in 0..inputs.len() {
                 let on = moment.inputs.checked_shr(input as u32).unwrap_or_default() & 1;
                 let _ = write!(row, ",{on}");

@@ -3,7 +3,7 @@
 use super::Observed;
 use super::switched::running;
 use crate::control::spindle::turning;
-use crate::control::{MachineFunctions, SpindleSample};
+use crate::control::{MachineFunctions, MeasuredSample, SpindleSample};
 use crate::machine::Machine;
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -21,6 +21,8 @@ pub(super) struct Trace {
     has_spindle: bool,
     /// So many analog inputs.
     analog_inputs: usize,
+    /// How many encoders are on shafts of their own.
+    measured: usize,
     row: String,
     /// Nothing is written behind the first failure.
     written: io::Result<()>,
@@ -42,6 +44,7 @@ impl Trace {
         for input in &machine.analog_inputs {
             let _ = write!(header, ",analog_input_{}", input.number);
         }
+        header += &measured_columns(machine);
         header.push('\n');
         Self {
             written: file.write_all(header.as_bytes()),
@@ -51,6 +54,7 @@ impl Trace {
                 .collect(),
             has_spindle,
             analog_inputs: machine.analog_inputs.len(),
+            measured: machine.measured().count(),
             row: header,
         }
     }
@@ -71,6 +75,7 @@ impl Trace {
         for value in &observed.row.analog_inputs[..self.analog_inputs] {
             let _ = write!(text, ",{value}");
         }
+        write_measured(text, &observed.row.measured[..self.measured]);
         text.push('\n');
         if self.written.is_ok() {
             self.written = self.file.write_all(text.as_bytes());
@@ -100,6 +105,24 @@ pub(super) const SPINDLE_COLUMNS: &str = ",spindle_act,spindle_turns";
 pub(super) fn write_spindle(text: &mut String, sample: Option<SpindleSample>) {
     let SpindleSample { speed, turns, .. } = sample.unwrap_or_default();
     let _ = write!(text, ",{speed},{turns}");
+}
+
+/// The names of the columns of [`write_measured`], each behind a comma.
+pub(super) fn measured_columns(machine: &Machine) -> String {
+    let names = machine
+        .measured()
+        .map(|(_, encoder)| format!(",{}_act", encoder.name));
+    names.collect()
+}
+
+/// Appends where encoders on shafts of their own are, each value behind a comma; none before it is known.
+pub(super) fn write_measured(text: &mut String, samples: &[Option<MeasuredSample>]) {
+    for sample in samples {
+        text.push(',');
+        if let Some(MeasuredSample { position, .. }) = sample {
+            let _ = write!(text, "{position}");
+        }
+    }
 }
 
 /// Appends what programs have switched, each value behind a comma.

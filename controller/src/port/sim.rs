@@ -147,6 +147,11 @@ impl Simulated {
                 _ => return Err(shaft.split(machine)),
             }
         }
+        for (index, speed) in turned(machine) {
+            if let Some(encoder) = devices[index] {
+                world.turn(encoder, speed);
+            }
+        }
         for touched in machine.touched.all() {
             if let Some(probe) = fitted_probe(machine, touched, |device| devices[device])? {
                 world.fit_probe(probe);
@@ -209,6 +214,11 @@ pub fn hosted(
             (Some(encoder), Some(drive)) => hosted.follow(encoder, drive, shaft.ratio),
             (None, None) => {}
             _ => return Err(shaft.split(machine)),
+        }
+    }
+    for (index, speed) in turned(machine) {
+        if let Some(encoder) = place(index) {
+            hosted.turn(encoder, speed);
         }
     }
     for touched in machine.touched.all() {
@@ -418,6 +428,14 @@ fn side(machine: &Machine, drive: usize, simulation: &Simulation) -> Side {
     }
 }
 
+/// Encoders on shafts of their own, by their indices among the machine's devices, with how fast those turn, 1/s.
+fn turned(machine: &Machine) -> impl Iterator<Item = (usize, f64)> {
+    machine.measured().map(|(index, encoder)| {
+        let speed = encoder.simulated_speed / encoder.scaling.travel_per_revolution();
+        (index, speed)
+    })
+}
+
 /// The shaft of an encoder, which the axis that it sees turns.
 struct Shaft {
     /// By their indices among the machine's devices.
@@ -431,14 +449,14 @@ impl Shaft {
     /// Of all encoders of a machine. What one sees of a gantry pair is its first side.
     fn all(machine: &Machine) -> impl Iterator<Item = Self> {
         let encoders = machine.encoders.iter().enumerate();
-        encoders.map(|(index, encoder)| {
-            let drive = machine.axes[encoder.axis].drives[0];
+        encoders.filter_map(|(index, encoder)| {
+            let drive = machine.axes[encoder.axis?].drives[0];
             let [own, motor] = [&encoder.scaling, &machine.drives[drive].scaling];
-            Self {
+            Some(Self {
                 encoder: machine.drives.len() + index,
                 drive,
                 ratio: motor.travel_per_revolution() / own.travel_per_revolution(),
-            }
+            })
         })
     }
 

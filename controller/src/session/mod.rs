@@ -670,6 +670,7 @@ impl Desk {
             target,
             tool: row.functions.tool,
             spindle_actual: row.spindle,
+            measured: row.measured,
             feed: Some(row.plan.feed).filter(|feed| feed.is_finite()),
             line: self.job.line,
             setpoint: row.plan.position,

@@ -1,8 +1,8 @@
 //! How things are: one snapshot, replaced at most once a cycle.
 
 use super::Settings;
-use crate::control::{Phase, SpindleSample, State};
-use crate::machine::COORDINATES;
+use crate::control::{MeasuredSample, Phase, SpindleSample, State};
+use crate::machine::{COORDINATES, MEASURED};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -62,6 +62,8 @@ pub struct Status {
     pub spindle: Spindle,
     /// What the drive of the spindle measures; `None` where none turns it.
     pub spindle_actual: Option<SpindleSample>,
+    /// What the encoders on shafts of their own measure, in the order of the machine file; `None` of what has none.
+    pub measured: [Option<MeasuredSample>; MEASURED],
     /// M7, M8, M9.
     pub coolant: Coolant,
     /// What lies between work and machine coordinates where the next job begins, mm and degrees.
@@ -124,6 +126,7 @@ impl Default for Status {
             tool_name: String::new(),
             spindle: Spindle::default(),
             spindle_actual: None,
+            measured: [None; MEASURED],
             coolant: Coolant::default(),
             offset: [0.0; COORDINATES],
             rotation: 0.0,

@@ -52,7 +52,7 @@ static RECORDED: LazyLock<Vec<Recorded>> = LazyLock::new(|| {
     recorded.push(untroubled(|_, machine| streamed(machine).is_some()));
     recorded.push(untroubled(|_, machine| {
         let watched = machine.encoders.first().map(|encoder| encoder.axis);
-        stepper(machine).is_some_and(|drive| watched == Some(machine.drives[drive].axis))
+        stepper(machine).is_some_and(|drive| watched == Some(Some(machine.drives[drive].axis)))
     }));
     recorded
 });
@@ -1075,7 +1075,7 @@ const DEFECTS: [(&str, &str, Change); 68] = [
                 && planting.once()
             {
                 let cause = AxisCause::FeedbackDifference { difference: 1.0 };
-                let fault = Fault::Axis(encoder.axis, cause);
+                let fault = Fault::Axis(encoder.axis.expect("it sees one"), cause);
                 all.extend([slip(it, 0.1), event(control::Event::Fault(fault))]);
             }
             all

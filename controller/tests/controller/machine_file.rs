@@ -810,7 +810,10 @@ fn with_encoder(from: &str, to: &str) -> Result<Machine, Invalid> {
 fn an_encoder_sees_an_axis() {
     let machine = with_encoder("", "").unwrap();
     let (encoder, axis) = (&machine.encoders[0], &machine.axes[2]);
-    assert_eq!((encoder.bus, encoder.node.get(), encoder.axis), (0, 5, 2));
+    assert_eq!(
+        (encoder.bus, encoder.node.get(), encoder.axis),
+        (0, 5, Some(2))
+    );
     let feedback = axis.feedback.unwrap();
     assert_eq!((feedback.encoder, feedback.difference), (0, 0.2));
     assert!(machine.axes[0].feedback.is_none());
@@ -1032,6 +1035,60 @@ fn a_position_may_be_missing_where_the_controller_closes_a_loop_by_it() {
     let wrong = of("lxm32m", 20).unwrap_err();
     let told = "axis \"Y\": `position_loss_ms` is 20, and no loop of the controller has it";
     assert!(wrong.contains(told), "{wrong}");
+}
+
+#[test]
+fn an_encoder_is_on_a_shaft_of_its_own_where_it_is_measured() {
+    let of = |encoders: &str| {
+        let axis = "[[axis]]\nname = \"X\"\n";
+        let text = portal_with(axis, &format!("{encoders}{axis}"));
+        parse(&text).map_err(|wrong| wrong.to_string())
+    };
+    let encoder = |name: &str, node: u32, more: &str| {
+        format!(
+            "[[encoder]]\nname = \"{name}\"\nbus = \"portal\"\nnode = {node}\nmodel = \"cia406\"\n\
+             pitch = 200.0\n{more}\n"
+        )
+    };
+    let measured = |name: &str, node| encoder(name, node, "measured = true");
+    let machine = of(&measured("belt-1_a", 20)).unwrap();
+    assert_eq!(machine.measured().count(), 1);
+    assert_eq!(machine.encoders[0].axis, None);
+    let five: String = (0..5)
+        .map(|at| measured(&format!("belt{at}"), 20 + at))
+        .collect();
+    let named = measured("belt", 20) + &encoder("other", 21, "");
+    for (encoders, told) in [
+        (
+            measured("the belt", 20),
+            "the trace has a column of that name",
+        ),
+        (measured("a,b", 20), "the trace has a column of that name"),
+        (
+            five,
+            "encoder \"belt4\": more than 4 encoders are `measured`",
+        ),
+        (named, "encoder \"other\": no axis names it"),
+        (
+            encoder("belt", 20, "simulated_speed = 1.0"),
+            "`simulated_speed`",
+        ),
+    ] {
+        let wrong = of(&encoders).unwrap_err();
+        assert!(wrong.contains(told), "{wrong}");
+    }
+    // And no axis' feedback at once.
+    let text = portal_with(
+        "max_jerk = 80_000.0\n",
+        "max_jerk = 80_000.0\nfeedback = \"belt\"\ndifference_limit = 1.0\n",
+    );
+    let axis = "[[axis]]\nname = \"X\"\n";
+    let text = text.replacen(axis, &(measured("belt", 20) + axis), 1);
+    let wrong = parse(&text).unwrap_err().to_string();
+    assert!(
+        wrong.contains("is `measured`, and no axis' feedback"),
+        "{wrong}"
+    );
 }
 
 #[test]

@@ -31,6 +31,7 @@ mod limit_switches;
 mod lines;
 mod losses;
 mod low_bits;
+mod measured;
 mod messages;
 mod mixed;
 mod operations;

@@ -29,7 +29,7 @@ fn suspect(scene: &Scene<'_>, device: usize, suspects: &mut Vec<usize>) {
     // What moves one side of a gantry moves the other, and an encoder speaks for its axis.
     let axis = match machine.drives.get(device) {
         Some(drive) => Some(drive.axis),
-        None => (machine.encoders.get(device - machine.drives.len())).map(|it| it.axis),
+        None => (machine.encoders.get(device - machine.drives.len())).and_then(|it| it.axis),
     };
     suspects.extend(axis.iter().flat_map(|axis| &machine.axes[*axis].drives));
 }

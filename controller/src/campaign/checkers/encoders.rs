@@ -42,7 +42,8 @@ impl Encoders {
     pub(super) fn new(scene: &Scene<'_>) -> Self {
         let machine = scene.machine;
         let watched = machine.encoders.iter().map(|encoder| {
-            let mut drives = machine.axes[encoder.axis].drives.iter();
+            let axis = encoder.axis.map(|axis| &machine.axes[axis]);
+            let mut drives = axis.into_iter().flat_map(|axis| &axis.drives);
             Watched {
                 waits_for_rest: drives.any(|drive| scene.is_polled(*drive)),
                 ..Watched::default()
@@ -55,7 +56,9 @@ impl Encoders {
 /// By how much an encoder and its drives may differ, and by how much they seem to without a slip, mm.
 fn allowed(scene: &Scene<'_>, encoder: usize) -> (f64, f64) {
     let machine = scene.machine;
-    let axis = machine.encoders[encoder].axis;
+    let Some(axis) = machine.encoders[encoder].axis else {
+        return (f64::INFINITY, 0.0);
+    };
     let limit = machine.axes[axis].feedback.map(|it| it.difference);
     let specs = scene.case.machine.axes[axis].encoder.as_ref();
     let pitch = specs.map_or(0.0, |it| it.pitch);
@@ -95,7 +98,7 @@ impl Checker for Encoders {
         if let Interference::Slip(device, by) = what {
             let encoder = device - scene.machine.drives.len();
             let axis = scene.machine.encoders[encoder].axis;
-            let spec = scene.case.machine.axes[axis].encoder.as_ref();
+            let spec = axis.and_then(|axis| scene.case.machine.axes[axis].encoder.as_ref());
             self.0[encoder].slipped += by * spec.map_or(0.0, |it| it.pitch);
         }
     }
@@ -109,7 +112,7 @@ impl Checker for Encoders {
             return;
         };
         let mut encoders = scene.machine.encoders.iter();
-        let Some(encoder) = encoders.position(|it| it.axis == *axis) else {
+        let Some(encoder) = encoders.position(|it| it.axis == Some(*axis)) else {
             return;
         };
         let (limit, margin) = allowed(scene, encoder);
@@ -125,17 +128,19 @@ impl Checker for Encoders {
     fn woken(&mut self, scene: &Scene<'_>, found: &mut Found) {
         let drives = scene.machine.drives.len();
         for (encoder, watched) in self.0.iter_mut().enumerate() {
+            let Some(axis) = scene.machine.encoders[encoder].axis else {
+                continue;
+            };
             let cycles = scene.misses(drives + encoder) + IN_TIME;
             let mut in_time = f64::from(cycles) * scene.period();
             let mut is_compared = true;
-            let feedback = scene.machine.axes[scene.machine.encoders[encoder].axis].feedback;
+            let feedback = scene.machine.axes[axis].feedback;
             if feedback.is_some_and(|it| it.closes_loop) && scene.phase <= Phase::Lock {
                 // Then the drive learns its place from the encoder.
                 watched.slipped = 0.0;
             }
             if watched.waits_for_rest {
                 in_time += ASKED;
-                let axis = scene.machine.encoders[encoder].axis;
                 let mut drives = scene.machine.axes[axis].drives.iter();
                 is_compared = drives.all(|it| scene.plants[*it].velocity.abs() < AT_REST);
             }

@@ -27,6 +27,8 @@ pub(super) struct Signals {
     pub(super) analog_inputs: Vec<String>,
     pub(super) outputs: Vec<String>,
     pub(super) analog_outputs: Vec<String>,
+    /// Encoders on shafts of their own.
+    pub(super) measured: Vec<String>,
     /// The gantries that homing takes square: letter and unit.
     pub(super) gantries: Vec<(Axis, &'static str)>,
 }
@@ -44,6 +46,7 @@ impl Signals {
             analog_inputs: analog_inputs.iter().map(|it| it.name.clone()).collect(),
             outputs: machine.outputs.iter().map(|it| it.name.clone()).collect(),
             analog_outputs: analog_outputs.iter().map(|it| it.name.clone()).collect(),
+            measured: machine.measured().map(|(_, it)| it.name.clone()).collect(),
             gantries: (machine.axes.iter())
                 .filter(|axis| axis.homing.square.is_some())
                 .map(|axis| (axis.letter, axis.units()[0]))
@@ -51,13 +54,18 @@ impl Signals {
         }
     }
 
-    /// The drives' states, how square gantries are, the inputs that are on, and the outputs that are on or put out
+    /// The drives' states, how square gantries are, where encoders on shafts of their own are, the inputs that are on, and the outputs that are on or put out
     /// something: a name and what is to be told, for what the machine has.
     pub(super) fn rows(&self, status: &Status) -> Vec<(&'static str, String)> {
         let mut rows = vec![(DRIVES, self.drives_in_words(&status.drives))];
         let square = self.squareness_in_words(status);
         if !square.is_empty() {
             rows.push(("square", square));
+        }
+        if !self.measured.is_empty() {
+            let measured = self.measured.iter().zip(status.measured.iter().flatten());
+            let measured = measured.map(|(name, it)| format!("{name} {:.3}", it.position));
+            rows.push(("encoders", measured.collect::<Vec<_>>().join(", ")));
         }
         if !self.inputs.is_empty() || !self.analog_inputs.is_empty() {
             let analog = self.analog_inputs.iter().zip(&status.analog_inputs);
