@@ -562,22 +562,10 @@ impl Event {
             | Self::ProbingFailed { .. }
             | Self::Touched => return self.describe_probing(names),
             Self::MissedTPdo { device } => format!("{}: T_PDO missing in one cycle", who(device)),
-            Self::LateSetpoint { bus, cycle } => format!(
-                "bus {}: the setpoints of cycle {cycle} missed their SYNC",
-                names.bus(bus)
-            ),
-            Self::LostCycles { lost, late } => format!(
-                "woke {:.3} ms late: {lost} cycles without SYNC; `syncline doctor` and `syncline \
-                 bench cycle` tell why",
-                late.as_secs_f64() * 1e3
-            ),
-            Self::BusWarning { bus, fault } => {
-                format!(
-                    "bus {}: {fault}: check cable, termination and bit rate",
-                    names.bus(bus)
-                )
-            }
-            Self::LatePlan => LATE_PLAN.to_owned(),
+            Self::LateSetpoint { .. }
+            | Self::LostCycles { .. }
+            | Self::BusWarning { .. }
+            | Self::LatePlan => return self.describe_delay(names),
             Self::Signal { .. }
             | Self::Input { .. }
             | Self::Output { .. }
@@ -603,6 +591,29 @@ impl Event {
             | Self::Interrupted => return self.describe_path(),
             Self::JobOver { .. } | Self::State(_) | Self::Kept { .. } => return None,
             Self::Fault(fault) => format!("FAULT: {}", fault.describe(names)),
+        })
+    }
+
+    /// What host and buses do not do in time.
+    fn describe_delay(&self, names: &impl Names) -> Option<String> {
+        Some(match *self {
+            Self::LateSetpoint { bus, cycle } => format!(
+                "bus {}: the setpoints of cycle {cycle} missed their SYNC",
+                names.bus(bus)
+            ),
+            Self::LostCycles { lost, late } => format!(
+                "woke {:.3} ms late: {lost} cycles without SYNC; `syncline doctor` and `syncline \
+                 bench cycle` tell why",
+                late.as_secs_f64() * 1e3
+            ),
+            Self::BusWarning { bus, fault } => {
+                format!(
+                    "bus {}: {fault}: check cable, termination and bit rate",
+                    names.bus(bus)
+                )
+            }
+            Self::LatePlan => LATE_PLAN.to_owned(),
+            _ => return None,
         })
     }
 
