@@ -10,7 +10,7 @@ use std::mem::take;
 /// What came of a probing, of a homing that a program asked for, or of a thread.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Found<const N: usize> {
-    /// That of its [`ProbeMove`], of the homing, or of the thread.
+    /// That of its [`ProbeMove`](super::ProbeMove), of the homing, or of the thread.
     pub number: u32,
     /// Of a probing: where the contact came or went, mm; `None`: it did not.
     pub contact: Option<[f64; N]>,
