@@ -98,11 +98,7 @@ fn train(estimate: &Estimate, rotor: f64) -> Option<DriveTrain> {
     Some(DriveTrain {
         rotor_inertia: rotor,
         load_inertia: load,
-        elasticity: Some(Elasticity {
-            stiffness,
-            damping: 2.0 * damping * (stiffness * rotor * load / inertia).sqrt(),
-            play: 0.0,
-        }),
+        elasticity: Some(Elasticity::damped(stiffness, damping, [rotor, load])),
         bearing: Friction::coulomb(0.0),
         guide: Friction {
             viscous: estimate.viscous_friction.value.max(0.0),

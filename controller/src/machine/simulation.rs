@@ -240,14 +240,13 @@ impl FeedAxis {
         let rotor_inertia = self.rotor_inertia();
         let load = self.load.map(|load| load * travel * travel);
         let load_inertia = load.unwrap_or(DEFAULT_RATIO * self.motor.rotor_inertia);
-        let reduced = rotor_inertia * load_inertia / (rotor_inertia + load_inertia);
-        let elasticity = self.elasticity.map(|it| {
-            let stiffness = it.stiffness * travel * travel;
-            Elasticity {
-                stiffness,
-                damping: 2.0 * it.damping * (stiffness * reduced).sqrt(),
-                play: it.play * unit / travel,
-            }
+        let elasticity = self.elasticity.map(|it| Elasticity {
+            play: it.play * unit / travel,
+            ..Elasticity::damped(
+                it.stiffness * travel * travel,
+                it.damping,
+                [rotor_inertia, load_inertia],
+            )
         });
         let revolutions = |mm: f64| revolutions(scaling, mm_per_revolution, mm);
         let stops = self.end_stops.map(|(least, most)| {

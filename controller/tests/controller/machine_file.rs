@@ -1005,22 +1005,24 @@ signal = "DO4"
 function = "enable_chain"
 "#;
 
+/// The portal with Y on a drive that is sent velocities, and more about the axis.
+fn streamed(model: &str, stated: &str) -> Result<Machine, String> {
+    let text = portal_with(
+        "node = 3\nmodel = \"lxm32m\"",
+        &format!("node = 3\nmodel = \"{model}\""),
+    );
+    let text = text
+        .replace("drive_following_error = true\n", "")
+        .replace("drive_soft_limits = true\n", "");
+    let axis = "[[axis]]\nname = \"Y\"\n";
+    assert!(text.contains(axis));
+    parse(&text.replacen(axis, &format!("{axis}{stated}\n"), 1)).map_err(|wrong| wrong.to_string())
+}
+
 /// A drive that takes no part in SYNC and does not notice a controller that dies has to have both made up for.
 #[test]
 fn a_position_may_be_missing_where_the_controller_closes_a_loop_by_it() {
-    let of = |model: &str, ms: u32| {
-        let text = portal_with(
-            "node = 3\nmodel = \"lxm32m\"",
-            &format!("node = 3\nmodel = \"{model}\""),
-        );
-        let text = text
-            .replace("drive_following_error = true\n", "")
-            .replace("drive_soft_limits = true\n", "");
-        let axis = "[[axis]]\nname = \"Y\"\n";
-        assert!(text.contains(axis));
-        let stated = format!("{axis}position_loss_ms = {ms}\n");
-        parse(&text.replacen(axis, &stated, 1)).map_err(|wrong| wrong.to_string())
-    };
+    let of = |model: &str, ms: u32| streamed(model, &format!("position_loss_ms = {ms}"));
     for model in ["tlc5xx", "cia402_csv", "cia402_pv"] {
         let machine = of(model, 80).unwrap();
         assert_eq!(machine.position_loss(2), Some(Duration::from_millis(80)));
@@ -1093,19 +1095,7 @@ fn an_encoder_is_on_a_shaft_of_its_own_where_it_is_measured() {
 
 #[test]
 fn a_test_move_is_made_where_it_can_be_measured() {
-    let of = |model: &str, homing: &str| {
-        let text = portal_with(
-            "node = 3\nmodel = \"lxm32m\"",
-            &format!("node = 3\nmodel = \"{model}\""),
-        );
-        let text = text
-            .replace("drive_following_error = true\n", "")
-            .replace("drive_soft_limits = true\n", "");
-        let axis = "[[axis]]\nname = \"Y\"\n";
-        assert!(text.contains(axis));
-        let stated = format!("{axis}homing = {{ {homing} }}\n");
-        parse(&text.replacen(axis, &stated, 1)).map_err(|wrong| wrong.to_string())
-    };
+    let of = |model: &str, homing: &str| streamed(model, &format!("homing = {{ {homing} }}"));
     for test in [4.0, -0.7, 8.0] {
         let homing = format!("kind = \"encoder\", test_move = {test:?}");
         let machine = of("tlc5xx", &homing).unwrap();

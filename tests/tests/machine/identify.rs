@@ -197,11 +197,7 @@ impl Plant {
         let own = self.motor().viscous_friction;
         let spring = |[hertz, _, damping]: [f64; 3]| {
             let stiffness = load * (TAU * hertz).powi(2);
-            Elasticity {
-                stiffness,
-                damping: 2.0 * damping * (stiffness * rotor * load / self.truth[0]).sqrt(),
-                play: 0.0,
-            }
+            Elasticity::damped(stiffness, damping, [rotor, load])
         };
         DriveTrain {
             rotor_inertia: rotor,

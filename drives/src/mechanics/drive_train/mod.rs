@@ -93,6 +93,19 @@ pub struct Elasticity {
     pub play: f64,
 }
 
+impl Elasticity {
+    /// Without play, of a stiffness, N·m/rad, with this damping ratio of the free vibration of both inertias, kg·m².
+    #[must_use]
+    pub fn damped(stiffness: f64, ratio: f64, [rotor, load]: [f64; 2]) -> Self {
+        let reduced = rotor * load / (rotor + load);
+        Self {
+            stiffness,
+            damping: 2.0 * ratio * (stiffness * reduced).sqrt(),
+            play: 0.0,
+        }
+    }
+}
+
 /// A holding brake that grips without current.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Brake {

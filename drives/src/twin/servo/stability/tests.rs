@@ -22,7 +22,6 @@ const DISTANCE: Distance = Distance {
 };
 
 fn axis(rotor_inertia: f64, load_inertia: f64, spring: Option<(f64, f64)>) -> DriveTrain {
-    let reduced = rotor_inertia * load_inertia / (rotor_inertia + load_inertia);
     let viscous = Friction {
         viscous: 1e-3 * (rotor_inertia + load_inertia),
         ..Friction::coulomb(0.0)
@@ -32,11 +31,7 @@ fn axis(rotor_inertia: f64, load_inertia: f64, spring: Option<(f64, f64)>) -> Dr
         load_inertia,
         elasticity: spring.map(|(antiresonance, damping)| {
             let stiffness = load_inertia * (TAU * antiresonance).powi(2);
-            Elasticity {
-                stiffness,
-                damping: 2.0 * damping * (stiffness * reduced).sqrt(),
-                play: 0.0,
-            }
+            Elasticity::damped(stiffness, damping, [rotor_inertia, load_inertia])
         }),
         bearing: viscous,
         guide: viscous,
