@@ -132,6 +132,24 @@ pub enum Feed {
     Rate(f64),
     /// G93: the whole move takes this time, s.
     Duration(f64),
+    /// G95: by the turns of the spindle.
+    PerTurn {
+        /// The way in each, mm or degrees of what `Rate` counts.
+        travel: f64,
+        /// How many turns a second the spindle is told to make, above 0.
+        turns: f64,
+    },
+}
+
+impl Feed {
+    /// How fast a path of that length is to be gone along where the spindle turns as it is told, mm/s or deg/s.
+    pub fn speed(self, length: f64) -> f64 {
+        match self {
+            Feed::Rate(rate) => rate,
+            Feed::Duration(seconds) => length / seconds,
+            Feed::PerTurn { travel, turns } => travel * turns,
+        }
+    }
 }
 
 /// What a probing looks for.

@@ -9,7 +9,7 @@ use super::command::{Action, PathMode, Spindle, Turning};
 use super::error::{Fault, Refusal};
 use super::execute::{DWELL_LIMIT, State};
 use super::lexer::Columns;
-use super::modal::{Code, Motion};
+use super::modal::{Code, FeedMode, Motion};
 use super::words::{Words, out_of_range};
 
 /// What a peck backs off by, and stops short of the last depth by (RS-274/NGC: 0.010 inch), mm.
@@ -133,7 +133,7 @@ impl State {
         commands: &mut VecDeque<Action>,
     ) -> Result<(), Refusal> {
         let code = Motion::Cycle(cycle).code();
-        if self.modes.inverse_time {
+        if self.modes.feed_mode == FeedMode::InverseTime {
             return Err(Refusal::new(columns, Fault::CycleInverseTime { code }));
         }
         if cycle == Cycle::BoringWithStop && self.modes.spindle.turning == Turning::Off {
@@ -295,7 +295,11 @@ impl State {
         if let Some(written) = words.take(b'K', code)? {
             self.series.lead = Some(self.lead(written, b'K', words)?);
         }
-        let speed = self.modes.spindle.speed;
+        // F is the lead itself where it counts turns.
+        let speed = match self.modes.feed_mode {
+            FeedMode::PerTurn => 1.0,
+            _ => self.modes.spindle.speed,
+        };
         let feed = self.modes.feed.filter(|feed| feed.number > 0.0);
         let by_feed = feed.map(|feed| feed.number * feed.unit / speed);
         match (self.series.lead, by_feed) {

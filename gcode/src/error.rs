@@ -243,6 +243,15 @@ pub enum Fault {
     NoFeed { code: Code },
     #[error("{code} under G93 has no time: write F in this block (F2 is half a minute)")]
     NoInverseTime { code: Code },
+    #[error(
+        "G95 moves by the turns of the spindle, whose angle the controller does not measure: write G94, and F as that \
+         feed times S, or give [spindle] of the machine file a `drive`"
+    )]
+    NoFeedPerTurn,
+    #[error(
+        "{code} under G95 goes as far as the spindle turns, which stands: write M3 or M4 and S before"
+    )]
+    FeedPerTurnSpindle { code: Code },
     #[error("axis words without a motion: write G0, G1, G2 or G3 (G80 ended the last one)")]
     NoMotion,
     #[error("polar coordinates give X and Y: leave either these or `@` and `^` out")]
@@ -353,8 +362,8 @@ pub enum Fault {
     ProbeTooShort { code: Code },
     #[error("{code} does not turn {axis}: move it there before")]
     ProbeTurns { code: Code, axis: Axis },
-    #[error("{code} is not possible under G93: write G94 and a feed per minute")]
-    ProbeInverseTime { code: Code },
+    #[error("{code} is not possible under {mode}: write G94 and a feed per minute")]
+    ProbeFeedMode { code: Code, mode: Code },
     #[error("{code} is not possible while G41 or G42 is on: write G40 and a line before")]
     ProbeCompensated { code: Code },
     #[error(

@@ -17,7 +17,7 @@ use super::error::{Fault, Refusal};
 use super::expression::{Scope, Value};
 use super::lexer::Columns;
 use super::messages::message;
-use super::modal::{Code, Group, Modes, ProgrammedFeed};
+use super::modal::{Code, FeedMode, Group, Modes, ProgrammedFeed};
 use super::names::is_signal;
 use super::parameters::{self, INPUT_RESULT, InputResult, Parameters};
 use super::saved::SavedModes;
@@ -196,11 +196,15 @@ impl State {
             self.modes.inches = units == Code::G(200);
         }
         if let Some(mode) = words.code(Group::FeedMode) {
-            let inverse_time = mode == Code::G(930);
-            if inverse_time != self.modes.inverse_time {
+            let feed_mode = FeedMode::of(mode);
+            if feed_mode == FeedMode::PerTurn && !self.setup.has_spindle_angle {
+                let columns = words.code_columns(Group::FeedMode).unwrap_or_default();
+                return Err(Refusal::new(columns, Fault::NoFeedPerTurn));
+            }
+            if feed_mode != self.modes.feed_mode {
                 self.modes.feed = None;
             }
-            self.modes.inverse_time = inverse_time;
+            self.modes.feed_mode = feed_mode;
         }
         let Some(number) = words.take_free(b'F') else {
             return Ok(());
@@ -209,7 +213,7 @@ impl State {
             let allowed = "0, or a feed from 0.001";
             return Err(words.refuse(b'F', out_of_range('F', number, allowed)));
         }
-        if !self.modes.inverse_time {
+        if self.modes.feed_mode != FeedMode::InverseTime {
             self.modes.feed = Some(ProgrammedFeed {
                 number: number.min(GREATEST_FEED),
                 unit: self.modes.unit(),

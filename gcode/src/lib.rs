@@ -64,7 +64,7 @@ pub use home::Homed;
 pub use interpreter::Interpreter;
 pub use lexer::Columns;
 pub use memory::Memory;
-pub use modal::{Code, Modes, Motion, ProgrammedFeed};
+pub use modal::{Code, FeedMode, Modes, Motion, ProgrammedFeed};
 pub use names::MachineNames;
 pub use probe::Probed;
 pub use source::{Input, MAX_LINE};
@@ -100,7 +100,7 @@ pub struct Setup {
     pub analog_inputs: u64,
     /// What can be read by name: `#<_hal[…]>`, `#<_ini[…]…>`.
     pub names: std::sync::Arc<MachineNames>,
-    /// Whether the spindle's angle is measured, for G33.
+    /// Whether the spindle's angle is measured, for G33 and G95.
     pub has_spindle_angle: bool,
     /// Whether there is a probe for G38.2 to G38.5.
     pub has_probe: bool,

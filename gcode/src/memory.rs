@@ -48,13 +48,13 @@ impl Memory {
         self.saved = None;
         let fresh = Modes::default();
         let modes = &mut self.modes;
-        // F is no feed of G94 if it was one of G93.
-        modes.feed = modes.feed.filter(|_| !modes.inverse_time);
+        // F is no feed of G94 if it was one of another mode.
+        modes.feed = modes.feed.filter(|_| modes.feed_mode == fresh.feed_mode);
         *modes = Modes {
             motion: Motion::Feed,
             plane: fresh.plane,
             incremental: fresh.incremental,
-            inverse_time: fresh.inverse_time,
+            feed_mode: fresh.feed_mode,
             work_offset: fresh.work_offset,
             compensation: fresh.compensation,
             ..modes.clone()

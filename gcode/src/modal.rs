@@ -112,8 +112,6 @@ pub(crate) enum Standing {
     Unknown,
 }
 
-const NO_FEED_PER_TURN: &str = "it moves in step with the spindle, whose speed the controller does \
-                                not measure: write G94, and F as that feed times S";
 const NO_ORIENTATION: &str =
     "the controller does not know the spindle's angle: write M0, and turn it by hand";
 const NO_LATHE: &str = "it is for lathes";
@@ -154,8 +152,7 @@ impl Code {
                 700 | 710 | 711 | 712 | 720 | 721 | 722 => Refused(NO_LATHE),
                 900 | 910 => Supported(Group::Distance),
                 901 | 911 => Supported(Group::ArcDistance),
-                930 | 940 => Supported(Group::FeedMode),
-                950 => Refused(NO_FEED_PER_TURN),
+                930 | 940 | 950 => Supported(Group::FeedMode),
                 960 => Refused("there is no constant surface speed: write G97 and S in 1/min"),
                 970 => Supported(Group::SpindleMode),
                 _ => Unknown,
@@ -233,10 +230,42 @@ impl Motion {
     }
 }
 
-/// An F word under G94.
+/// What F counts (group 5).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FeedMode {
+    /// G93: how often a minute has the time of the block.
+    InverseTime,
+    /// G94: the way in a minute.
+    #[default]
+    PerMinute,
+    /// G95: the way in a turn of the spindle.
+    PerTurn,
+}
+
+impl FeedMode {
+    /// The mode that a code sets.
+    pub(crate) fn of(code: Code) -> FeedMode {
+        match code {
+            Code::G(930) => FeedMode::InverseTime,
+            Code::G(950) => FeedMode::PerTurn,
+            _ => FeedMode::PerMinute,
+        }
+    }
+
+    /// The code that sets it.
+    pub fn code(self) -> Code {
+        Code::G(match self {
+            FeedMode::InverseTime => 930,
+            FeedMode::PerMinute => 940,
+            FeedMode::PerTurn => 950,
+        })
+    }
+}
+
+/// An F word under G94 or G95.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProgrammedFeed {
-    /// As written: units of length or degrees per minute.
+    /// As written: units of length or degrees, in a minute or a turn of the spindle.
     pub number: f64,
     /// The unit of length that it was written in, mm.
     pub unit: f64,
@@ -254,8 +283,8 @@ pub struct Modes {
     pub incremental: bool,
     /// G90.1 instead of G91.1.
     pub absolute_centers: bool,
-    /// G93 instead of G94.
-    pub inverse_time: bool,
+    /// What F counts.
+    pub feed_mode: FeedMode,
     /// G20 instead of G21.
     pub inches: bool,
     /// G99 instead of G98.
@@ -268,7 +297,7 @@ pub struct Modes {
     pub compensation: Option<Code>,
     /// G61, G61.1 or G64; at the start the machine's own.
     pub path_mode: PathMode,
-    /// F under G94.
+    /// F under G94 or G95.
     pub feed: Option<ProgrammedFeed>,
     /// M3, M4, M5 and S.
     pub spindle: Spindle,
@@ -310,7 +339,7 @@ impl fmt::Display for Modes {
             self.work_offset_code(),
             pick(self.incremental, ["G90", "G91"]),
             pick(self.absolute_centers, ["G91.1", "G90.1"]),
-            pick(self.inverse_time, ["G94", "G93"]),
+            self.feed_mode.code(),
             pick(self.retract_to_r, ["G98", "G99"]),
         )?;
         match self.path_mode {

@@ -5,13 +5,13 @@ use std::collections::VecDeque;
 use super::arc::{Arc, Direction, Plane};
 use super::axes::{Axis, COORDINATE_LIMIT, Point};
 use super::block::Block;
-use super::command::{Action, Feed, Probe};
+use super::command::{Action, Feed, Probe, Spindle, Turning};
 use super::coordinates::sum;
 use super::cycles::Cycle;
 use super::error::{Fault, Refusal};
 use super::execute::{Compensated, State};
 use super::lexer::Columns;
-use super::modal::{Code, Group, Motion};
+use super::modal::{Code, FeedMode, Group, Motion};
 use super::words::{Words, out_of_range};
 
 /// Arcs beyond this radius are a mistake, or lines. mm.
@@ -213,15 +213,13 @@ impl State {
         let mut over = if down { goal } else { start };
         over[across] = start[across].max(goal[across]);
         let feed = self.modes.feed.filter(|feed| feed.number > 0.0);
+        let feed = feed.and_then(|feed| self.modal_feed(feed.number * feed.unit));
         let mut at = start;
         let mut way = Vec::new();
         for to in [over, goal] {
             let action = match feed {
                 // What is below may not have been cut yet.
-                Some(rate) if down && to == goal => Action::Feed {
-                    to,
-                    feed: Feed::Rate(rate.number * rate.unit / 60.0),
-                },
+                Some(feed) if down && to == goal => Action::Feed { to, feed },
                 _ => Action::Rapid { to },
             };
             if to != std::mem::replace(&mut at, to) {
@@ -351,7 +349,7 @@ impl State {
     }
 
     pub(crate) fn feed(&self, words: &mut Words, code: Code, to: Point) -> Result<Feed, Fault> {
-        if self.modes.inverse_time {
+        if self.modes.feed_mode == FeedMode::InverseTime {
             return match words.take_free(b'F') {
                 Some(number) if number > 0.0 => Ok(Feed::Duration(60.0 / number)),
                 Some(_) => Err(Fault::FeedZero { code }),
@@ -369,7 +367,18 @@ impl State {
                 .into_iter()
                 .any(|axis| axis.is_linear() && moves(axis));
         let unit = if only_rotary { 1.0 } else { feed.unit };
-        Ok(Feed::Rate(feed.number * unit / 60.0))
+        self.modal_feed(feed.number * unit)
+            .ok_or(Fault::FeedPerTurnSpindle { code })
+    }
+
+    /// A feed of so many mm, or degrees, a minute or in a turn; none in a turn of a spindle that stands.
+    fn modal_feed(&self, travel: f64) -> Option<Feed> {
+        if self.modes.feed_mode != FeedMode::PerTurn {
+            return Some(Feed::Rate(travel / 60.0));
+        }
+        let Spindle { turning, speed } = self.modes.spindle;
+        let turns = speed / 60.0;
+        (turning != Turning::Off && turns > 0.0).then_some(Feed::PerTurn { travel, turns })
     }
 
     fn arc(

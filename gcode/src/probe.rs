@@ -10,7 +10,7 @@ use super::command::{Action, Probe};
 use super::error::{Fault, Refusal};
 use super::execute::State;
 use super::lexer::Columns;
-use super::modal::Motion;
+use super::modal::{FeedMode, Motion};
 use super::words::Words;
 
 /// The least distance of a probing, mm (RS-274/NGC: 0.254 mm or 0.01 inch).
@@ -44,8 +44,9 @@ impl State {
         if self.cutter().is_some() {
             return Err(refuse(Fault::ProbeCompensated { code }));
         }
-        if self.modes.inverse_time {
-            return Err(refuse(Fault::ProbeInverseTime { code }));
+        if self.modes.feed_mode != FeedMode::PerMinute {
+            let mode = self.modes.feed_mode.code();
+            return Err(refuse(Fault::ProbeFeedMode { code, mode }));
         }
         let to = self.target(words, code, false)?;
         let mut turned = Axis::ALL.into_iter().filter(|axis| !axis.is_linear());

@@ -99,10 +99,10 @@ impl State {
                     compensation,
                     plane,
                     work_offset,
-                    inverse_time,
+                    feed_mode,
                     ..
                 } = *modes;
-                (compensation, plane, work_offset, inverse_time)
+                (compensation, plane, work_offset, feed_mode)
             };
             let goes_on =
                 of_contour(now) == of_contour(&modes) && self.tool_offset == saved.tool_offset;

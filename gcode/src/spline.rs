@@ -13,7 +13,7 @@ use super::command::{Action, Feed};
 use super::error::{Fault, Refusal};
 use super::execute::{Compensated, State};
 use super::lexer::Columns;
-use super::modal::{Code, Group, Motion};
+use super::modal::{Code, FeedMode, Group, Motion};
 use super::motion::{RADIUS_LIMIT, in_range};
 use super::rational::{Weighted, approximate};
 use super::words::{Words, out_of_range};
@@ -371,7 +371,7 @@ impl State {
     /// G5.2 and the lines behind it: a control point each.
     fn nurbs_point(&mut self, words: &mut Words, columns: Columns) -> Result<(), Refusal> {
         let code = Code::G(52);
-        if self.modes.inverse_time {
+        if self.modes.feed_mode == FeedMode::InverseTime {
             return Err(Refusal::new(columns, Fault::CycleInverseTime { code }));
         }
         let weight = words.take(b'P', code)?.unwrap_or(1.0);

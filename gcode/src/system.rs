@@ -6,6 +6,7 @@ use super::axes::{Axis, Point};
 use super::command::Turning;
 use super::error::Fault;
 use super::execute::State;
+use super::modal::FeedMode;
 use super::motion::in_range;
 
 /// A point that parameters can set.
@@ -128,9 +129,9 @@ impl State {
             "imperial" => flag(modes.inches),
             "absolute" => flag(!modes.incremental),
             "incremental" => flag(modes.incremental),
-            "inverse_time" => flag(modes.inverse_time),
-            "units_per_minute" => flag(!modes.inverse_time),
-            "units_per_rev" => 0.0,
+            "inverse_time" => flag(modes.feed_mode == FeedMode::InverseTime),
+            "units_per_minute" => flag(modes.feed_mode == FeedMode::PerMinute),
+            "units_per_rev" => flag(modes.feed_mode == FeedMode::PerTurn),
             "coord_system" => f64::from(modes.work_offset_code().number()),
             "tool_offset" => flag(modes.tool_length),
             "retract_r_plane" => flag(modes.retract_to_r),

@@ -246,6 +246,9 @@ impl<const N: usize> Controller<N> {
                 break;
             };
             self.tell(Event::Switched { line, switch });
+            if let Switch::Spindle(_) = switch {
+                self.executor.set_turns(None);
+            }
         }
     }
 

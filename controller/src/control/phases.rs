@@ -358,6 +358,7 @@ impl<const N: usize> Controller<N> {
             }
             return;
         }
+        self.feed_by_turns();
         // Jogs are no going on.
         let settled = self.planned.speed == 0.0 && self.shaping.is_settled();
         let rests = self.executor.is_held() && (settled || self.planned.off_path);

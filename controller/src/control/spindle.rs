@@ -20,7 +20,12 @@ use std::collections::VecDeque;
 use syncline_canopen::time::Duration;
 use syncline_drives::model::PowerState;
 use syncline_gcode::{Spindle, Turning};
-use syncline_trajectory::synchronous::AngleObserver;
+use syncline_trajectory::synchronous::{AngleObserver, RippleLimits};
+
+/// A feed by turns is planned anew where the spindle's speed differs by this part from the one that it is planned with, and
+/// no sooner after the last time.
+const FEED_STEP: f64 = 0.005;
+const FEED_STEPS_APART: Duration = Duration::from_millis(60);
 
 /// A speed is the mean over this time, so that an encoder of some thousand increments tells it to 1/min.
 const AVERAGED: Duration = Duration::from_millis(20);
@@ -93,6 +98,8 @@ pub(super) struct SpindleWatch {
     /// How it turns, as of the SYNC of this cycle.
     angle: AngleObserver,
     angle_cycle: u64,
+    /// When a feed by turns was planned anew last.
+    fed: u64,
 }
 
 impl SpindleWatch {
@@ -107,6 +114,7 @@ impl SpindleWatch {
             kept: KeptSpeed::default(),
             angle: AngleObserver::new(layout.cycle.as_secs_f64(), layout.spindle_resolution()),
             angle_cycle: 0,
+            fed: 0,
         }
     }
 
@@ -236,6 +244,29 @@ impl<const N: usize> Controller<N> {
             self.hold_path();
         }
         Ok(())
+    }
+
+    /// Has a feed by turns (G95) go by those that are measured: as far as the spindle has its speed, which it
+    /// [has to keep](Self::watch_cutting_speed).
+    pub(super) fn feed_by_turns(&mut self) {
+        let Some(spindle) = self.layout.spindle else {
+            return;
+        };
+        let told = turning(self.switches.functions.spindle);
+        let apart = self.cycles(FEED_STEPS_APART);
+        if told == 0.0 || !self.executor.moves_by_turns() || self.cycle < self.spindle.fed + apart {
+            return;
+        }
+        let measured = self.spindle.angle.after(0.0, RippleLimits::NONE).speed;
+        let window = spindle.window(told);
+        let speed =
+            (60.0 * measured * told.signum()).clamp(told.abs() - window, told.abs() + window);
+        let turns = speed / 60.0;
+        let planned = self.executor.turns().unwrap_or(told.abs() / 60.0);
+        if (turns - planned).abs() > FEED_STEP * planned {
+            self.executor.set_turns(Some(turns));
+            self.spindle.fed = self.cycle;
+        }
     }
 
     /// Whether the path moves at a feed.

@@ -70,10 +70,7 @@ pub(super) fn reached(
     let feed = feed(action)?;
     let length: f64 = curves.iter().map(Curve::length).sum();
     let parts = curves.iter().map(|curve| {
-        let speed = match feed {
-            Feed::Rate(rate) => path_speed(curve, rate),
-            Feed::Duration(seconds) => length / seconds,
-        };
+        let speed = programmed_speed(curve, feed, length);
         let [along, ..] = curve.derivative_bounds();
         let axes = along.iter().zip(&limits.velocity);
         let most = axes
@@ -85,8 +82,17 @@ pub(super) fn reached(
     (least < 1.0 - REACHED).then_some(least)
 }
 
+/// The path speed that a motion of that length, of which this is a part, is programmed with.
+pub(super) fn programmed_speed(curve: &Curve<COORDINATES>, feed: Feed, length: f64) -> f64 {
+    let speed = feed.speed(length);
+    match feed {
+        Feed::Duration(_) => speed,
+        Feed::Rate(_) | Feed::PerTurn { .. } => path_speed(curve, speed),
+    }
+}
+
 /// The path speed at which a move has a programmed feed.
-pub(super) fn path_speed(curve: &Curve<COORDINATES>, feed: f64) -> f64 {
+fn path_speed(curve: &Curve<COORDINATES>, feed: f64) -> f64 {
     let Curve::Line(_) = curve else {
         return feed;
     };

@@ -1,6 +1,6 @@
 //! A running program: its commands pushed into the planner, the planner's handed out as instructions.
 
-use super::feed::{feed, path_speed};
+use super::feed::{feed, programmed_speed};
 use super::moves::{MoveSource, ON_THE_PATH, ProgramMove, ProgramStop, Step, Upcoming};
 use super::threads::Threads;
 use super::{Entered, Left, Program, ProgramError, Scale, UserCodes, place};
@@ -97,7 +97,7 @@ enum Opening {
     /// The operator is told what comes next, and goes on.
     Confirm(Pause, String),
     /// What sets the machine up, or leads it there.
-    Act(Action),
+    Act(Box<Action>),
     /// The spindle has its speed before the axes move.
     AtSpeed,
 }
@@ -226,7 +226,8 @@ impl Program {
         if let Some(found) = &found {
             opening.push_back(Opening::Confirm(Pause::Beginning, found.to_string()));
         }
-        opening.extend(entry.set_up.iter().cloned().map(Opening::Act));
+        let act = |action| Opening::Act(Box::new(action));
+        opening.extend(entry.set_up.iter().cloned().map(act));
         match self.retraction.filter(|_| found.is_some()) {
             Some(retraction) => {
                 if turns(entry) {
@@ -244,13 +245,13 @@ impl Program {
                         false => Action::Rapid { to },
                     };
                     opening.push_back(Opening::Confirm(Pause::NextLeg, describe_leg(&leg)));
-                    opening.push_back(Opening::Act(act));
+                    opening.push_back(Opening::Act(Box::new(act)));
                 }
             }
-            None => opening.extend(entry.way.iter().cloned().map(Opening::Act)),
+            None => opening.extend(entry.way.iter().cloned().map(act)),
         }
         let with_motion = entry.with_motion.iter().copied().map(Action::Output);
-        opening.extend(with_motion.map(Opening::Act));
+        opening.extend(with_motion.map(act));
         opening
     }
 }
@@ -337,7 +338,10 @@ impl Feeder {
                 self.stop_then(StopPoint::Pause { reason, line });
                 Ok(())
             }
-            Opening::Act(action) => self.take(&gcode::Command { span, action }),
+            Opening::Act(action) => {
+                let action = *action;
+                self.take(&gcode::Command { span, action })
+            }
             Opening::AtSpeed if take(&mut self.spins_up) => self.await_spindle(span),
             Opening::AtSpeed => Ok(()),
         }
@@ -466,10 +470,7 @@ impl Feeder {
             place: place(&self.interpreter, span),
             source,
         })?;
-        let speed = match feed {
-            gcode::Feed::Rate(rate) => path_speed(&line_there, rate),
-            gcode::Feed::Duration(seconds) => line_there.length() / seconds,
-        };
+        let speed = programmed_speed(&line_there, feed, line_there.length());
         self.searches += 1;
         self.search = Some(Instruction::Probe(ProbeMove {
             number: self.searches,
@@ -576,11 +577,15 @@ impl Feeder {
                 mode => mode,
             };
             let feed = match feed {
-                Some(gcode::Feed::Rate(rate)) => {
-                    Feed::Rate(self.scale.feed * path_speed(&curve, rate))
-                }
-                Some(gcode::Feed::Duration(seconds)) => {
-                    Feed::Rate(self.scale.feed * length / seconds)
+                Some(feed) => {
+                    let speed = self.scale.feed * programmed_speed(&curve, feed, length);
+                    match feed {
+                        gcode::Feed::PerTurn { turns, .. } => Feed::PerTurn {
+                            travel: speed / turns,
+                            turns,
+                        },
+                        gcode::Feed::Rate(_) | gcode::Feed::Duration(_) => Feed::Rate(speed),
+                    }
                 }
                 None => Feed::Rapid,
             };

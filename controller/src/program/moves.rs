@@ -1,6 +1,6 @@
 //! The moves of a program: made from its commands, and kept for who follows the machine along them.
 
-use super::feed::{feed, path_speed};
+use super::feed::{feed, programmed_speed};
 use crate::control::PointToPoint;
 use crate::machine::{COORDINATES, Position};
 use crossbeam::channel::{self, Receiver, Sender};
@@ -150,10 +150,8 @@ impl MoveSource {
             return Err(Mixed(gcode::Axis::ALL[first]));
         }
         let line = Curve::line(self.places, places).ok();
-        let speed = line.zip(feed(action)).map(|(line, feed)| match feed {
-            gcode::Feed::Rate(rate) => scale * path_speed(&line, rate),
-            gcode::Feed::Duration(seconds) => scale * line.length() / seconds,
-        });
+        let speed = (line.zip(feed(action)))
+            .map(|(line, feed)| scale * programmed_speed(&line, feed, line.length()));
         self.places = places;
         Ok(Some(PointToPoint { targets, speed }))
     }

@@ -3,7 +3,7 @@
 use super::super::cycles::Cycle;
 use super::super::error::{Fault, Refusal};
 use super::super::execute::{Compensated, State, missing};
-use super::super::modal::{Code, Group};
+use super::super::modal::{Code, FeedMode, Group};
 use super::super::motion::RADIUS_LIMIT;
 use super::super::words::{Words, out_of_range};
 use super::Cutter;
@@ -92,7 +92,7 @@ impl State {
             let (axis, axes) = (*axis, self.setup.axes);
             return Err(Refusal::new(columns, Fault::NoSuchAxis { axis, axes }));
         }
-        if self.modes.inverse_time {
+        if self.modes.feed_mode == FeedMode::InverseTime {
             let code = Code::G(930);
             return Err(Refusal::new(columns, Fault::WhileCompensated { code }));
         }

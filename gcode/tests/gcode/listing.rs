@@ -117,6 +117,9 @@ fn rate(feed: &Feed) -> String {
     match feed {
         Feed::Rate(rate) => format!("at {}/s", round(*rate)),
         Feed::Duration(time) => format!("in {} s", round(*time)),
+        Feed::PerTurn { travel, turns } => {
+            format!("by {} in each of {} turns/s", round(*travel), round(*turns))
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! Threads: G33, and what it needs.
 
-use syncline_gcode::{Action, Interpreter, Point, Setup};
+use syncline_gcode::{Action, Feed, Interpreter, Point, Setup};
 
 use super::listing::{refusals_with, run_with, xyz};
 
@@ -201,4 +201,58 @@ fn what_cannot_be_is_refused_with_its_place() {
         ],
     );
     insta::assert_snapshot!(told);
+}
+
+// --- G95 ---
+
+/// The feeds of a program's lines and arcs.
+fn feeds(text: &str) -> Vec<Feed> {
+    let commands = run_with(measured(), text).unwrap();
+    let feeds = commands.iter().filter_map(|command| match command.action {
+        Action::Feed { feed, .. } | Action::Arc { feed, .. } => Some(feed),
+        _ => None,
+    });
+    feeds.collect()
+}
+
+#[test]
+fn a_feed_by_turns_is_in_the_units_of_its_block_and_has_the_speed_that_is_told() {
+    let by = |travel, turns| Feed::PerTurn { travel, turns };
+    let text = "M3 S600 G95 F0.5\nG1 X1\nG2 X3 R5\nS300 G1 X4\nG20 F0.01 X1\nM4 X2\nG94 F60 X3\nG93 X4 F2\nG95 F0.1 X5";
+    assert_eq!(
+        feeds(text),
+        [
+            by(0.5, 10.0),
+            by(0.5, 10.0),
+            by(0.5, 5.0),
+            by(0.254, 5.0),
+            by(0.254, 5.0),
+            Feed::Rate(25.4),
+            Feed::Duration(30.0),
+            by(2.54, 5.0),
+        ]
+    );
+    // Drilled, and for a turn about an axis.
+    assert_eq!(feeds("M3 S600 G95 F0.2 G81 Z-5 R1"), [by(0.2, 10.0)]);
+    // Tapped, F is the lead.
+    assert_eq!(taps("M3 S600 G95 F1.25 G84 Z-5 R1")[0].2, 1.25);
+    // Saved and restored.
+    assert_eq!(
+        feeds("M3 S60 G95 F2\nM70\nG94 F60 G1 X1\nM72\nX2"),
+        [Feed::Rate(1.0), by(2.0, 1.0)]
+    );
+}
+
+#[test]
+fn what_a_feed_by_turns_lacks_is_told() {
+    insta::assert_snapshot!(refusals_with(
+        &measured(),
+        &[
+            ("G95 F0.5 G1 X1", "1:10"),
+            ("M3 G95 F0.5 G1 X1", "1:13"),
+            ("M3 S600 G95 F0.5 G1 X1\nM5\nX2", "3:1"),
+            ("F100 M3 S600\nG95 G1 X1", "2:5"),
+            ("M3 S600 G95 F0.5 G1 X1\nG94 X2", "2:1"),
+        ]
+    ));
 }

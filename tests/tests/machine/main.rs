@@ -17,6 +17,7 @@ mod described_encoder;
 mod driven_spindle;
 mod faults;
 mod feed_axes;
+mod feed_per_turn;
 mod feedback;
 mod fits;
 mod hard_stops;

@@ -93,6 +93,13 @@ pub enum Feed {
     Rapid,
     /// Path speed in mm/s (G1, G2, G3).
     Rate(f64),
+    /// By the turns of a spindle (G95); as fast as it is [measured](Executor::set_turns).
+    PerTurn {
+        /// Path length in a turn, mm.
+        travel: f64,
+        /// How many turns a second the spindle makes where nothing else is known, above 0.
+        turns: f64,
+    },
 }
 
 impl Feed {
@@ -101,6 +108,15 @@ impl Feed {
         match self {
             Feed::Rapid => f64::INFINITY,
             Feed::Rate(speed) => speed,
+            Feed::PerTurn { travel, turns } => travel * turns,
+        }
+    }
+
+    /// The turns a second at which it is that path speed, where it is by turns.
+    pub(super) fn turns(self) -> Option<f64> {
+        match self {
+            Feed::PerTurn { turns, .. } => Some(turns),
+            Feed::Rapid | Feed::Rate(_) => None,
         }
     }
 }
@@ -299,6 +315,8 @@ pub struct ReplanRequest {
     pub departure: PathState,
     /// What an operator set.
     pub overrides: Overrides,
+    /// How many turns a second the spindle makes, where that is known.
+    pub turns: Option<f64>,
     /// Rest is asked for at the end of every block.
     pub single_block: bool,
     /// What is wanted from there on.
@@ -346,6 +364,8 @@ pub struct PathSegment<const N: usize> {
     pub curve: Curve<N>,
     /// The programmed path speed, mm/s; infinite for rapid.
     pub feed: f64,
+    /// Where it is by the turns of a spindle: how many a second make that speed.
+    pub turns: Option<f64>,
     /// The path speed that is asked for after overrides, mm/s.
     pub speed: f64,
     /// As [`Move::tag`].

@@ -449,6 +449,7 @@ fn a_speed_that_may_fall_is_told_from_one_that_may_not() {
             start: 0.0,
             curve,
             feed: 100.0,
+            turns: None,
             speed: 100.0,
             tag: 0,
             waypoints: 0,

@@ -215,6 +215,8 @@ pub struct Executor<const N: usize> {
     began: Clock,
     place: Place<N>,
     overrides: Overrides,
+    /// How many turns a second the spindle makes, where that is known.
+    turns: Option<f64>,
     single_block: bool,
     retraction: Option<Retraction>,
     activity: Activity<N>,
@@ -246,6 +248,7 @@ fn any_path_segment<const N: usize>() -> Option<PathSegment<N>> {
         start: 0.0,
         curve: Curve::line([0.0; N], [1.0; N]).ok()?,
         feed: 0.0,
+        turns: None,
         speed: 0.0,
         tag: 0,
         waypoints: 0,
@@ -296,6 +299,7 @@ impl<const N: usize> Executor<N> {
             },
             place: Place::before_the_path(position),
             overrides: Overrides::default(),
+            turns: None,
             single_block: false,
             retraction: None,
             activity: Activity::Following,
@@ -318,6 +322,7 @@ impl<const N: usize> Executor<N> {
         self.plan = PlanStatus::Current;
         self.place = Place::before_the_path(position);
         self.activity = Activity::Following;
+        self.turns = None;
         if self.overrides != Overrides::default() || self.single_block {
             self.request_replacement();
         }

@@ -35,6 +35,30 @@ impl<const N: usize> Executor<N> {
         }
     }
 
+    /// From now on feeds [by turns](crate::path::Feed::PerTurn) are at so many turns a second, above 0; `None`: at those
+    /// that each was programmed with. It is asked for by a plan, so that it is to change in steps that are worth one.
+    pub fn set_turns(&mut self, turns: Option<f64>) {
+        if turns == self.turns {
+            return;
+        }
+        self.turns = turns;
+        // What ends a rest has the path planned anew.
+        if !self.rests_at_hold() {
+            self.request_replacement();
+        }
+    }
+
+    /// How many turns a second feeds by turns are at; `None`: those that each was programmed with.
+    pub fn turns(&self) -> Option<f64> {
+        self.turns
+    }
+
+    /// Whether the path moves with a feed by turns.
+    pub fn moves_by_turns(&self) -> bool {
+        let first = self.path_segments.front();
+        self.moves() && first.is_some_and(|it| it.turns.is_some())
+    }
+
     /// What parts of the programmed speeds are asked for.
     pub fn overrides(&self) -> Overrides {
         self.overrides

@@ -88,6 +88,7 @@ impl<const N: usize> Executor<N> {
             item,
             departure,
             overrides: self.overrides,
+            turns: self.turns,
             single_block: self.single_block,
             goal,
         })

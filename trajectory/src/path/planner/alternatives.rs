@@ -179,7 +179,7 @@ fn stretch_time<const N: usize>(
                 0.0 => curve,
                 taken => curve.part(taken, curve.length()),
             },
-            feed: feed.speed(),
+            feed,
             tag,
             waypoints: 0,
             ends: Vec::new(),

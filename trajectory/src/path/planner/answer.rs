@@ -37,7 +37,7 @@ impl<const N: usize> Planner<N> {
 
     fn answer(&mut self, request: &ReplanRequest) {
         self.revision = request.revision;
-        self.override_speeds(request.overrides);
+        self.override_speeds(request.overrides, request.turns);
         self.single_block = request.single_block;
         // The executor is on one of them, or on none.
         self.retraces

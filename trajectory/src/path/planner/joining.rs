@@ -7,7 +7,7 @@ use crate::limits::PositionLimits;
 use crate::path::blend::{Blend, blend, needed_part, passing_time};
 use crate::path::bounds::crawling_time;
 use crate::path::segment_fitting::{MoveEnd, Part, ShortSegments};
-use crate::path::{Curve, Limits, Move, PathSegment};
+use crate::path::{Curve, Feed, Limits, Move, PathSegment};
 
 /// Tangents, and curvatures by the mm or as parts of the greater, that differ by no more are equal.
 const SMOOTH: f64 = 1e-10;
@@ -70,8 +70,8 @@ pub(super) enum Laid<const N: usize> {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct LaidCurve<const N: usize> {
     pub(super) curve: Curve<N>,
-    /// Programmed, mm/s.
-    pub(super) feed: f64,
+    /// Programmed.
+    pub(super) feed: Feed,
     pub(super) tag: u32,
     /// Waypoints before it.
     pub(super) waypoints: u32,
@@ -85,8 +85,9 @@ impl<const N: usize> From<&LaidCurve<N>> for PathSegment<N> {
         PathSegment {
             start: 0.0,
             curve: laid.curve,
-            feed: laid.feed,
-            speed: laid.feed,
+            feed: laid.feed.speed(),
+            turns: laid.feed.turns(),
+            speed: laid.feed.speed(),
             tag: laid.tag,
             waypoints: laid.waypoints,
         }
@@ -162,7 +163,7 @@ impl<const N: usize> Joiner<N> {
             deviation,
             goes_on,
         } = part;
-        let feed = motion.feed.speed();
+        let feed = motion.feed;
         let mut taken = 0.0;
         if let Some(Pending {
             motion: before,
@@ -280,7 +281,7 @@ impl<const N: usize> Joiner<N> {
             } else {
                 motion.curve.part(taken, length - cut)
             };
-            self.lay(curve, motion.feed.speed(), motion.tag, waypoints, &laid);
+            self.lay(curve, motion.feed, motion.tag, waypoints, &laid);
         }
         in_cut
     }
@@ -307,24 +308,24 @@ impl<const N: usize> Joiner<N> {
     fn lay_rounding(
         &mut self,
         before: &Move<N>,
-        feed: f64,
+        feed: Feed,
         curve: Curve<N>,
         waypoints: u32,
         ends: &[MoveEnd],
     ) {
         let tag = before.tag;
-        if before.feed.speed() == feed {
+        if before.feed == feed {
             self.lay(curve, feed, tag, waypoints, ends);
             return;
         }
         let length = curve.length();
         let middle = 0.5 * length;
         let halves = [(0.0, middle), (middle, length)].map(|(from, to)| curve.part(from, to));
-        self.lay(halves[0], before.feed.speed(), tag, waypoints, ends);
+        self.lay(halves[0], before.feed, tag, waypoints, ends);
         self.lay(halves[1], feed, tag, waypoints, &[]);
     }
 
-    fn lay(&mut self, curve: Curve<N>, feed: f64, tag: u32, waypoints: u32, ends: &[MoveEnd]) {
+    fn lay(&mut self, curve: Curve<N>, feed: Feed, tag: u32, waypoints: u32, ends: &[MoveEnd]) {
         self.laid.push(Laid::Curve(LaidCurve {
             curve,
             feed,

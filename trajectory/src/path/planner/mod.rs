@@ -109,6 +109,8 @@ pub struct Planner<const N: usize> {
     /// The retrace that the executor is on, and behind it the one that was planned last.
     retraces: Vec<Retrace<N>>,
     overrides: Overrides,
+    /// How many turns a second the spindle makes, where that is known.
+    turns: Option<f64>,
     single_block: bool,
     /// The last plan made.
     revision: u64,
@@ -233,6 +235,7 @@ impl<const N: usize> Planner<N> {
             out: VecDeque::new(),
             retraces: Vec::new(),
             overrides: Overrides::default(),
+            turns: None,
             single_block: false,
             revision: 0,
         }
@@ -373,8 +376,9 @@ impl<const N: usize> Planner<N> {
         self.tell_move_ends(self.length, &laid.ends);
         self.placed = laid.waypoints;
         let mut path_segment = PathSegment::from(&laid);
-        if self.overrides != Overrides::default() {
-            path_segment.speed = asked_speed(&path_segment, self.overrides, &self.limits);
+        if self.overrides != Overrides::default() || self.turns.is_some() {
+            path_segment.speed =
+                asked_speed(&path_segment, self.overrides, self.turns, &self.limits);
         }
         if let Some(PlanItem::Section(section)) = self.items.back_mut() {
             section.push(path_segment, &laid.ends);
@@ -420,12 +424,12 @@ impl<const N: usize> Planner<N> {
         self.items.get(index as usize)
     }
 
-    /// From now on these parts of the programmed speeds are asked for.
-    fn override_speeds(&mut self, overrides: Overrides) {
-        if overrides == self.overrides {
+    /// From now on these parts of the programmed speeds are asked for, at so many turns a second of the spindle.
+    fn override_speeds(&mut self, overrides: Overrides, turns: Option<f64>) {
+        if (overrides, turns) == (self.overrides, self.turns) {
             return;
         }
-        self.overrides = overrides;
+        (self.overrides, self.turns) = (overrides, turns);
         let sections = self.items.iter_mut().filter_map(|item| match item {
             PlanItem::Section(section) => Some(section),
             _ => None,
@@ -433,7 +437,7 @@ impl<const N: usize> Planner<N> {
         let back = self.retraces.iter_mut().map(|retrace| &mut retrace.section);
         for section in sections.chain(back) {
             for path_segment in &mut section.path_segments {
-                path_segment.speed = asked_speed(path_segment, overrides, &self.limits);
+                path_segment.speed = asked_speed(path_segment, overrides, turns, &self.limits);
             }
         }
     }
@@ -505,14 +509,16 @@ impl<const N: usize> Planner<N> {
     }
 }
 
-/// The path speed that is asked for on a path segment after overrides.
+/// The path speed that is asked for on a path segment after overrides, at so many turns a second of the spindle.
 fn asked_speed<const N: usize>(
     path_segment: &PathSegment<N>,
     overrides: Overrides,
+    turns: Option<f64>,
     limits: &Limits<N>,
 ) -> f64 {
     if path_segment.feed.is_finite() {
-        path_segment.feed * overrides.feed
+        let part = turns.zip(path_segment.turns);
+        path_segment.feed * overrides.feed * part.map_or(1.0, |(is, told)| is / told)
     } else if overrides.rapid < 1.0 {
         let [d1, _, _] = path_segment.curve.derivative_bounds();
         let axes = (0..N)
