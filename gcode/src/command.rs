@@ -180,8 +180,51 @@ pub enum Stop {
 pub struct Spindle {
     /// Whether and how it turns.
     pub turning: Turning,
-    /// Programmed speed, 1/min.
+    /// Programmed speed, 1/min; at a constant surface speed what that asks for where the tool is.
     pub speed: f64,
+    /// A constant surface speed (G96).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub surface: Option<Surface>,
+}
+
+impl Spindle {
+    /// As the program has it, whatever a constant surface speed has come to.
+    #[must_use]
+    pub fn as_programmed(self) -> Self {
+        let speed = self.surface.map_or(self.speed, |_| 0.0);
+        Spindle { speed, ..self }
+    }
+
+    /// How fast it is to turn where X is at that machine coordinate, mm.
+    #[must_use]
+    pub fn at(self, x: f64) -> Self {
+        let speed = self.surface.map_or(self.speed, |it| it.speed_at(x));
+        Spindle { speed, ..self }
+    }
+}
+
+/// A surface that is to pass the tool at one speed: the spindle is the faster the nearer X is to its axis.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Surface {
+    /// mm/s
+    pub speed: f64,
+    /// Where the spindle's axis is along X, machine coordinate, mm.
+    pub centre: f64,
+    /// The least and the greatest speed of the spindle, 1/min.
+    pub within: (f64, f64),
+}
+
+impl Surface {
+    /// The speed of the spindle where X is at that machine coordinate, 1/min.
+    #[must_use]
+    pub fn speed_at(&self, x: f64) -> f64 {
+        let around = core::f64::consts::TAU * (x - self.centre).abs();
+        let (least, most) = self.within;
+        match self.speed {
+            0.0 => 0.0,
+            speed => (60.0 * speed / around).clamp(least, most),
+        }
+    }
 }
 
 /// How the spindle turns.

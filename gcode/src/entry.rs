@@ -19,6 +19,8 @@ pub struct Entry {
     pub way: Vec<Action>,
     /// Outputs that wait for the program's next motion.
     pub with_motion: Vec<Output>,
+    /// The program taps next, where that is known.
+    pub taps: bool,
 }
 
 /// A place in a program: behind so many of its commands.
@@ -118,6 +120,7 @@ impl Passed {
             spindle: effect.spindle,
             way,
             with_motion: outputs.await_motion,
+            taps: false,
         }
     }
 }

@@ -252,6 +252,15 @@ pub enum Fault {
         "{code} under G95 goes as far as the spindle turns, which stands: write M3 or M4 and S before"
     )]
     FeedPerTurnSpindle { code: Code },
+    #[error(
+        "G96 turns the spindle as fast as X asks for, and nothing here tells it how fast: write G97 and S in 1/min, or \
+         give [spindle] of the machine file a `drive`, or an [[output]] `function = \"spindle_speed\"`"
+    )]
+    NoSurfaceSpeed,
+    #[error("under G96 X is the radius, and X and Y are turned: write G97, or G10 L2 P0 R0 before")]
+    SurfaceTurned,
+    #[error("{code} needs a spindle at one speed: write G97 and S before")]
+    ThreadSurface { code: Code },
     #[error("axis words without a motion: write G0, G1, G2 or G3 (G80 ended the last one)")]
     NoMotion,
     #[error("polar coordinates give X and Y: leave either these or `@` and `^` out")]

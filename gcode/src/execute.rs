@@ -131,6 +131,7 @@ impl State {
         self.dwell(&mut words, commands)?;
         self.set_modes(&mut words, commands)?;
         self.offsets(&mut words, commands)?;
+        self.follow_centre(block, commands)?;
         self.motion(block, &mut words, commands)?;
         let continuation = self.stop(&mut words, commands)?;
         words.all_used()?;

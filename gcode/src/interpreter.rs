@@ -326,7 +326,11 @@ impl Interpreter {
             axes.iter().for_each(|axis| at[axis] = here[axis]);
         }
         let way = self.state.way(here, at);
-        Ok(passed.entry(now, at, way))
+        let taps = matches!(self.pending().next(), Some(Action::Tap { .. }));
+        Ok(Entry {
+            taps,
+            ..passed.entry(now, at, way)
+        })
     }
 
     fn pass_to(&mut self, place: &Place) -> Result<Passed, Refusal> {

@@ -54,7 +54,7 @@ pub use arc::{Arc, Direction, Plane, RADIUS_RATIO, RADIUS_TOLERANCE};
 pub use axes::{Axis, AxisSet, Point};
 pub use command::{
     ANALOG_INPUTS, ANALOG_OUTPUTS, Action, Command, Coolant, DIGITAL_INPUTS, DIGITAL_OUTPUTS, Feed,
-    InputWait, Output, PathMode, Probe, Span, Spindle, Stop, TakenInput, Turning, Until,
+    InputWait, Output, PathMode, Probe, Span, Spindle, Stop, Surface, TakenInput, Turning, Until,
 };
 pub use coordinates::WorkCoordinates;
 pub use cycles::Cycle;
@@ -106,6 +106,8 @@ pub struct Setup {
     pub has_probe: bool,
     /// By [`Axis::index`], what G28.2 does with the axis; `None`: it knows where it is.
     pub homed: [Option<Homed>; 9],
+    /// Whether the spindle turns at an S that changes, for G96.
+    pub sets_spindle_speed: bool,
     /// Least and greatest S beside 0, 1/min.
     pub spindle_speeds: Option<(f64, f64)>,
     /// Skip blocks that begin with `/`.
@@ -138,6 +140,7 @@ impl Setup {
             has_spindle_angle: false,
             has_probe: false,
             homed: [None; 9],
+            sets_spindle_speed: false,
             spindle_speeds: None,
             block_delete: false,
             max_blocks: Some(MAX_BLOCKS),

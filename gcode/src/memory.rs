@@ -2,7 +2,7 @@
 //! and the parameters. Offsets and tools themselves are in the [`Tables`](super::Tables).
 
 use super::axes::{Axis, Point};
-use super::command::{Coolant, PathMode, Turning};
+use super::command::{Coolant, PathMode, Spindle, Turning};
 use super::coordinates::WorkCoordinates;
 use super::modal::{Modes, Motion};
 use super::parameters::{InputResult, Parameters};
@@ -64,7 +64,12 @@ impl Memory {
 
     /// Spindle and coolant were switched off by a stop.
     pub fn stop(&mut self) {
-        self.modes.spindle.turning = Turning::Off;
+        let spindle = self.modes.spindle.as_programmed();
+        self.modes.spindle = Spindle {
+            turning: Turning::Off,
+            surface: None,
+            ..spindle
+        };
         self.modes.coolant = Coolant::default();
     }
 

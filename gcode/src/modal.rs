@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::arc::{Direction, Plane};
-use super::command::{Coolant, PathMode, Probe, Spindle, Turning};
+use super::command::{Coolant, PathMode, Probe, Spindle, Surface, Turning};
 use super::cycles::Cycle;
 
 /// A G- or M-code, in tenths: G91.1 is `Code::G(911)`.
@@ -153,8 +153,7 @@ impl Code {
                 900 | 910 => Supported(Group::Distance),
                 901 | 911 => Supported(Group::ArcDistance),
                 930 | 940 | 950 => Supported(Group::FeedMode),
-                960 => Refused("there is no constant surface speed: write G97 and S in 1/min"),
-                970 => Supported(Group::SpindleMode),
+                960 | 970 => Supported(Group::SpindleMode),
                 _ => Unknown,
             },
             Code::M(number) => match number {
@@ -262,6 +261,11 @@ impl FeedMode {
     }
 }
 
+/// The unit of S under G96, a metre or a foot per minute, mm/s.
+pub(crate) fn surface_unit(inches: bool) -> f64 {
+    if inches { 304.8 / 60.0 } else { 1000.0 / 60.0 }
+}
+
 /// An F word under G94 or G95.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProgrammedFeed {
@@ -362,7 +366,13 @@ impl fmt::Display for Modes {
             Turning::Clockwise => "M3",
             Turning::Counterclockwise => "M4",
         };
-        write!(f, " S{} {spindle}", self.spindle.speed)?;
+        match self.spindle.surface {
+            Some(Surface { speed, within, .. }) => {
+                let speed = speed / surface_unit(self.inches);
+                write!(f, " G96 D{} S{speed} {spindle}", within.1)?;
+            }
+            None => write!(f, " S{} {spindle}", self.spindle.speed)?,
+        }
         match self.coolant {
             Coolant {
                 mist: false,

@@ -213,7 +213,7 @@ impl State {
         let mut over = if down { goal } else { start };
         over[across] = start[across].max(goal[across]);
         let feed = self.modes.feed.filter(|feed| feed.number > 0.0);
-        let feed = feed.and_then(|feed| self.modal_feed(feed.number * feed.unit));
+        let feed = feed.and_then(|feed| self.modal_feed(feed.number * feed.unit, &goal));
         let mut at = start;
         let mut way = Vec::new();
         for to in [over, goal] {
@@ -367,17 +367,19 @@ impl State {
                 .into_iter()
                 .any(|axis| axis.is_linear() && moves(axis));
         let unit = if only_rotary { 1.0 } else { feed.unit };
-        self.modal_feed(feed.number * unit)
+        self.modal_feed(feed.number * unit, &to)
             .ok_or(Fault::FeedPerTurnSpindle { code })
     }
 
     /// A feed of so many mm, or degrees, a minute or in a turn; none in a turn of a spindle that stands.
-    fn modal_feed(&self, travel: f64) -> Option<Feed> {
+    /// On the way to `to` it is told its least speed.
+    fn modal_feed(&self, travel: f64, to: &Point) -> Option<Feed> {
         if self.modes.feed_mode != FeedMode::PerTurn {
             return Some(Feed::Rate(travel / 60.0));
         }
-        let Spindle { turning, speed } = self.modes.spindle;
-        let turns = speed / 60.0;
+        let Spindle { turning, .. } = self.modes.spindle;
+        let at = |point: &Point| self.modes.spindle.at(point[Axis::X]).speed;
+        let turns = at(&self.at).min(at(to)) / 60.0;
         (turning != Turning::Off && turns > 0.0).then_some(Feed::PerTurn { travel, turns })
     }
 

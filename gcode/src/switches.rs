@@ -3,15 +3,20 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use super::axes::Axis;
+use super::block::Block;
 use super::command::{
     ANALOG_INPUTS, ANALOG_OUTPUTS, Action, Coolant, DIGITAL_INPUTS, DIGITAL_OUTPUTS, InputWait,
-    Output, Stop, TakenInput, Turning, Until,
+    Output, Spindle, Stop, Surface, TakenInput, Turning, Until,
 };
 use super::error::{Fault, Refusal};
 use super::execute::{DWELL_LIMIT, State, missing};
-use super::modal::{Code, Group};
+use super::modal::{Code, Group, surface_unit};
 use super::parameters::InputResult;
 use super::words::{Words, out_of_range, whole};
+
+/// The greatest S under G96.
+const MOST_SURFACE: f64 = 1e5;
 
 impl State {
     /// T, M6, M61.
@@ -55,7 +60,17 @@ impl State {
         commands: &mut VecDeque<Action>,
     ) -> Result<(), Refusal> {
         let mut spindle = self.modes.spindle;
-        if let Some(speed) = words.take_free(b'S') {
+        self.speed_mode(&mut spindle, words)?;
+        if let Some(surface) = &mut spindle.surface {
+            if let Some(speed) = words.take_free(b'S') {
+                if !(0.0..=MOST_SURFACE).contains(&speed) {
+                    let allowed = "a surface speed from 0 to 100000 m (feet under G20) a minute";
+                    return Err(words.refuse(b'S', out_of_range('S', speed, allowed)));
+                }
+                surface.speed = speed * surface_unit(self.modes.inches);
+            }
+            spindle = spindle.at(self.at[Axis::X]);
+        } else if let Some(speed) = words.take_free(b'S') {
             if speed < 0.0 {
                 return Err(words.refuse(b'S', out_of_range('S', speed, "a speed from 0")));
             }
@@ -74,9 +89,79 @@ impl State {
             Some(_) => spindle.turning = Turning::Off,
             None => {}
         }
-        if spindle != self.modes.spindle {
+        let changed = spindle.as_programmed() != self.modes.spindle.as_programmed();
+        if changed {
             self.modes.spindle = spindle;
             commands.push_back(Action::Spindle(spindle));
+        }
+        Ok(())
+    }
+
+    /// G96 and G97.
+    fn speed_mode(&self, spindle: &mut Spindle, words: &mut Words) -> Result<(), Refusal> {
+        let Some(code) = words.code(Group::SpindleMode) else {
+            return Ok(());
+        };
+        let columns = words.code_columns(Group::SpindleMode).unwrap_or_default();
+        let refuse = |fault| Err(Refusal::new(columns, fault));
+        let has_speed = words.has(b'S');
+        if code == Code::G(970) {
+            if spindle.surface.take().is_some() && !has_speed {
+                let what = "S, in 1/min: what G96 has come to is not known here";
+                return Err(missing(words, Group::SpindleMode, code, what));
+            }
+            return Ok(());
+        }
+        if !self.setup.sets_spindle_speed {
+            return refuse(Fault::NoSurfaceSpeed);
+        }
+        if !self.setup.axes.contains(Axis::X) {
+            let (axis, axes) = (Axis::X, self.setup.axes);
+            return refuse(Fault::NoSuchAxis { axis, axes });
+        }
+        if !has_speed {
+            let what = "S, the surface speed in m a minute, under G20 in feet";
+            return Err(missing(words, Group::SpindleMode, code, what));
+        }
+        let (least, most) = self.setup.spindle_speeds.unwrap_or((0.0, f64::MAX));
+        let most = match words.take(b'D', code)? {
+            Some(limit) if limit > 0.0 && limit >= least => limit.min(most),
+            Some(limit) => {
+                let allowed = "the greatest speed in 1/min, above 0 and no less than `min_speed`";
+                return Err(words.refuse(b'D', out_of_range('D', limit, allowed)));
+            }
+            None if most == f64::MAX => {
+                let what = "D, the greatest speed in 1/min";
+                return Err(missing(words, Group::SpindleMode, code, what));
+            }
+            None => most,
+        };
+        spindle.surface = Some(Surface {
+            speed: 0.0,
+            centre: self.coordinates().origin[Axis::X],
+            within: (least, most),
+        });
+        Ok(())
+    }
+
+    /// The spindle's axis is at X0 of the program, wherever that is now.
+    pub(crate) fn follow_centre(
+        &mut self,
+        block: &Block,
+        commands: &mut VecDeque<Action>,
+    ) -> Result<(), Refusal> {
+        let coordinates = self.coordinates();
+        let mut spindle = self.modes.spindle;
+        let Some(surface) = &mut spindle.surface else {
+            return Ok(());
+        };
+        if coordinates.rotation != 0.0 {
+            return Err(Refusal::new(block.columns(), Fault::SurfaceTurned));
+        }
+        surface.centre = coordinates.origin[Axis::X];
+        if spindle.surface != self.modes.spindle.surface {
+            self.modes.spindle = spindle.at(self.at[Axis::X]);
+            commands.push_back(Action::Spindle(self.modes.spindle));
         }
         Ok(())
     }

@@ -137,8 +137,8 @@ impl State {
             "retract_r_plane" => flag(modes.retract_to_r),
             "retract_old_z" => flag(!modes.retract_to_r),
             "ijk_absolute_mode" => flag(modes.absolute_centers),
-            "spindle_rpm_mode" => 1.0,
-            "spindle_css_mode" => 0.0,
+            "spindle_rpm_mode" => flag(modes.spindle.surface.is_none()),
+            "spindle_css_mode" => flag(modes.spindle.surface.is_some()),
             "spindle_on" => flag(modes.spindle.turning != Turning::Off),
             "spindle_cw" => flag(modes.spindle.turning == Turning::Clockwise),
             "lathe_diameter_mode" | "adaptive_feed" | "remap_level" => 0.0,
@@ -148,7 +148,7 @@ impl State {
             "feed" => modes
                 .feed
                 .map_or(0.0, |feed| feed.number * feed.unit / modes.unit()),
-            "rpm" => modes.spindle.speed,
+            "rpm" => modes.spindle.at(self.at[Axis::X]).speed,
             "current_tool" | "current_pocket" => f64::from(modes.tool),
             "selected_tool" | "selected_pocket" => f64::from(modes.selected_tool),
             _ => return None,

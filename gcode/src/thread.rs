@@ -24,6 +24,9 @@ impl State {
             return refuse(Fault::ThreadCompensated { code });
         }
         let spindle = self.modes.spindle;
+        if spindle.surface.is_some() {
+            return refuse(Fault::ThreadSurface { code });
+        }
         if spindle.turning == Turning::Off || spindle.speed == 0.0 {
             return refuse(Fault::ThreadSpindle { code });
         }

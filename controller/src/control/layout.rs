@@ -163,6 +163,8 @@ pub struct SpindleSpec {
     pub fastest: f64,
     /// It has its speed within this part of it.
     pub tolerance: f64,
+    /// As fast as its drive's ramp changes its speed, 1/min in a second.
+    pub ramp: f64,
     /// Within this time it turns as it was told last.
     pub reversal: Duration,
 }
@@ -220,6 +222,7 @@ impl SpindleSpec {
             drive: place,
             fastest: spindle.speeds.1,
             tolerance: drive.tolerance,
+            ramp: spindle.speeds.1 / spindle.ramp.as_secs_f64(),
             reversal: spindle.reversal(),
         })
     }

@@ -27,6 +27,12 @@ use syncline_trajectory::synchronous::{AngleObserver, RippleLimits};
 const FEED_STEP: f64 = 0.005;
 const FEED_STEPS_APART: Duration = Duration::from_millis(60);
 
+/// So much later is a feed by turns as fast as it is planned anew, s, in the mean.
+const FEED_AHEAD: f64 = 0.06;
+
+/// A spindle comes after a speed that changes with X with this time constant, s, and no faster than its drive's ramp.
+const COMES_AFTER: f64 = 0.1;
+
 /// A speed is the mean over this time, so that an encoder of some thousand increments tells it to 1/min.
 const AVERAGED: Duration = Duration::from_millis(20);
 
@@ -58,6 +64,8 @@ struct KeptSpeed {
     told: f64,
     /// Since this cycle.
     since: u64,
+    /// Where a drive is that comes after it, 1/min.
+    followed: f64,
     /// It has had it since.
     reached: bool,
     /// For so many cycles it has not had it any more.
@@ -65,14 +73,38 @@ struct KeptSpeed {
 }
 
 impl KeptSpeed {
-    /// Takes what is told in a cycle, and whether it turns so; for how many cycles it has not, after it has.
-    fn take(&mut self, cycle: u64, told: f64, reaches: bool, has: bool) -> u64 {
-        if told != self.told {
-            *self = Self {
-                told,
-                since: cycle,
-                ..Self::default()
-            };
+    /// Another speed is told in a cycle, unless it is one that changes with X: a drive comes after that by this part of
+    /// what is left, or by so much.
+    fn tell(&mut self, cycle: u64, told: f64, comes_after: Option<(f64, f64)>) {
+        match comes_after {
+            Some((part, step)) if told * self.told > 0.0 => {
+                let behind = told - self.followed;
+                self.followed += (behind * part).clamp(-step, step);
+                self.told = told;
+            }
+            _ if told != self.told => {
+                *self = Self {
+                    told,
+                    followed: told,
+                    since: cycle,
+                    ..Self::default()
+                };
+            }
+            _ => self.followed = told,
+        }
+    }
+
+    /// By how much a measured speed is off what is told, or what came of that so far, 1/min.
+    fn off_by(&self, speed: f64) -> f64 {
+        let (least, most) = (self.told.min(self.followed), self.told.max(self.followed));
+        (speed - speed.clamp(least, most)).abs()
+    }
+
+    /// Takes whether it turns as it is told; for how many cycles it has not, after it has.
+    fn take(&mut self, reaches: bool, has: bool) -> u64 {
+        let told = self.told;
+        if reaches {
+            self.followed = told;
         }
         self.reached |= reaches && told != 0.0;
         self.off = if self.reached && !has {
@@ -217,16 +249,29 @@ impl<const N: usize> Controller<N> {
     /// # Errors
     /// Its drive has measured for too long that it does not.
     pub(super) fn watch_cutting_speed(&mut self) -> Result<(), Fault> {
-        let told = turning(self.switches.functions.spindle);
+        let program = self.switches.functions.spindle;
+        let told = turning(program);
+        let period = self.spindle.period;
+        let step = self
+            .layout
+            .spindle
+            .map_or(f64::INFINITY, |it| it.ramp * period);
+        let comes_after = program.surface.map(|_| (period / COMES_AFTER, step));
+        self.spindle.kept.tell(self.cycle, told, comes_after);
         let (reaches, has) = match self.layout.spindle {
-            Some(_) => (self.is_spindle_at_speed(), self.turns_as_told()),
+            Some(spindle) => {
+                let off = (self.sample_spindle()).map(|it| self.spindle.kept.off_by(it.speed));
+                let near = off.is_some_and(|off| off <= spindle.window(told));
+                let fresh = self.nodes[spindle.drive].is_fresh();
+                (self.is_spindle_at_speed(), fresh && near)
+            }
             None => {
                 let on = self.tells_at_speed();
                 let since = self.cycle.saturating_sub(self.spindle.kept.since);
                 (on && since >= self.cycles(AT_SPEED_BEFORE), on)
             }
         };
-        let off = self.spindle.kept.take(self.cycle, told, reaches, has);
+        let off = self.spindle.kept.take(reaches, has);
         if off <= self.cycles(self.layout.speed_loss) || !self.cuts() {
             return Ok(());
         }
@@ -252,17 +297,26 @@ impl<const N: usize> Controller<N> {
         let Some(spindle) = self.layout.spindle else {
             return;
         };
-        let told = turning(self.switches.functions.spindle);
+        let program = self.switches.functions.spindle;
+        let told = turning(program);
         let apart = self.cycles(FEED_STEPS_APART);
-        if told == 0.0 || !self.executor.moves_by_turns() || self.cycle < self.spindle.fed + apart {
+        if told == 0.0 || self.cycle < self.spindle.fed + apart {
             return;
         }
-        let measured = self.spindle.angle.after(0.0, RippleLimits::NONE).speed;
+        let Some(planned) = self.executor.planned_turns() else {
+            return;
+        };
+        // What changes with X has changed further by when the next plan takes over.
+        let ahead = program.surface.map_or(0.0, |_| FEED_AHEAD);
+        let measured = self.spindle.angle.after(ahead, RippleLimits::NONE).speed;
+        let kept = &self.spindle.kept;
+        let (slow, fast) = (
+            told.abs().min(kept.followed.abs()),
+            told.abs().max(kept.followed.abs()),
+        );
         let window = spindle.window(told);
-        let speed =
-            (60.0 * measured * told.signum()).clamp(told.abs() - window, told.abs() + window);
+        let speed = (60.0 * measured * told.signum()).clamp(slow - window, fast + window);
         let turns = speed / 60.0;
-        let planned = self.executor.turns().unwrap_or(told.abs() / 60.0);
         if (turns - planned).abs() > FEED_STEP * planned {
             self.executor.set_turns(Some(turns));
             self.spindle.fed = self.cycle;

@@ -9,6 +9,7 @@ use crate::machine::COORDINATES;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt;
+use syncline_gcode::Spindle;
 
 /// Motion with one tool at one speed of the spindle.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -42,14 +43,16 @@ pub struct ToolTime {
 #[derive(Debug, Default)]
 pub(super) struct Operations {
     /// Tool and spindle at the last row.
-    with: (u32, f64),
+    with: (u32, Spindle),
+    /// The spindle of the last operation, as programmed.
+    spindle: Spindle,
     all: Vec<(Operation, [u64; 2])>,
 }
 
 impl Operations {
     /// Takes a row, before which the path moved for so many cycles.
     pub(super) fn observe(&mut self, row: &Row<COORDINATES>, time: f64, line: u32, moved: u64) {
-        let now = (row.functions.tool, turning(row.functions.spindle));
+        let now = (row.functions.tool, row.functions.spindle);
         let before = std::mem::replace(&mut self.with, now);
         // What is switched where the path comes to rest is not what it came there with.
         let rests = row.plan.speed == 0.0;
@@ -57,11 +60,12 @@ impl Operations {
         if moved == 0 {
             return;
         }
-        let goes_on = |(it, _): &(Operation, _)| it.tool == tool && it.spindle == spindle;
-        if !self.all.last().is_some_and(goes_on) {
+        let goes_on = |(it, _): &(Operation, _)| it.tool == tool;
+        let same = std::mem::replace(&mut self.spindle, spindle.as_programmed());
+        if self.spindle != same || !self.all.last().is_some_and(goes_on) {
             let begun = Operation {
                 tool,
-                spindle,
+                spindle: turning(spindle),
                 line,
                 time_s: time,
                 motion_s: 0.0,

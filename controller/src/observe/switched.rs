@@ -37,10 +37,14 @@ impl Switched {
     /// Takes what happened at one SYNC.
     pub(super) fn observe(&mut self, row: &Row<COORDINATES>, time: f64) {
         let functions = row.functions;
-        if functions == self.last {
+        let programmed = MachineFunctions {
+            spindle: functions.spindle.as_programmed(),
+            ..functions
+        };
+        if programmed == self.last {
             return;
         }
-        self.last = functions;
+        self.last = programmed;
         self.states.push(SwitchedState {
             time,
             line: functions.line,

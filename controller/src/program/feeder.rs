@@ -376,6 +376,12 @@ impl Feeder {
             self.stop_then(StopPoint::PointToPoint { motion, line });
         }
         match &command.action {
+            Action::Rapid { .. } => {
+                // It has led to where the spindle is to be faster, or slower.
+                let spindle = self.interpreter.modes().spindle;
+                let turns = spindle.turning != gcode::Turning::Off;
+                self.spins_up |= spindle.surface.is_some() && turns;
+            }
             Action::Dwell { seconds } => self.rest(*seconds + self.settling, command.span)?,
             Action::Stop(stop) => {
                 let reason = match *stop {

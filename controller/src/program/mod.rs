@@ -9,6 +9,7 @@
 //! [`Programs`] is what all programs of a machine share, a [`Program`] one of them before it runs, a
 //! [`Feeder`] the running one.
 
+mod beginning;
 pub mod bounds;
 mod feed;
 mod feeder;
@@ -19,6 +20,7 @@ mod reading;
 mod threads;
 mod timetable;
 
+pub use beginning::Beginning;
 pub use feed::{counted_speed, moved};
 pub use feeder::Feeder;
 pub use interrupted::Interrupted;
@@ -29,10 +31,11 @@ pub use threads::NoThread;
 pub use timetable::Timetable;
 
 use crate::control::Signal;
-use crate::machine::{COORDINATES, InputMeaning, Machine, PathTolerances, Position, SpinUp};
+use crate::machine::{
+    AnalogSource, COORDINATES, InputMeaning, Machine, PathTolerances, Position, SpinUp,
+};
 use feed::counted_length;
 use moves::{Mixed, MoveSource};
-use std::fmt;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -343,6 +346,9 @@ impl Programs {
             machine.values.iter().cloned(),
         ));
         setup.has_spindle_angle = machine.spindle_drive().is_some();
+        let mut outputs = machine.analog_outputs.iter();
+        setup.sets_spindle_speed = setup.has_spindle_angle
+            || outputs.any(|output| output.source == AnalogSource::SpindleSpeed);
         setup.has_probe = (machine.inputs.iter()).any(|it| it.meaning.is_probed());
         setup.tables = tables;
         Self {
@@ -530,33 +536,6 @@ impl Program {
         self.stream
     }
 
-    /// What the line to begin at finds, for a person to confirm; `None` for the whole program.
-    ///
-    /// # Errors
-    /// The first block that cannot be run, or no such line.
-    pub fn beginning(&self, start: Position) -> Result<Option<Beginning>, ProgramError> {
-        if self.entered.is_none() {
-            return Ok(None);
-        }
-        let (interpreter, entry) = self.interpret(start)?;
-        Ok(entry.and_then(|entry| self.found(&interpreter, &entry)))
-    }
-
-    /// What the place finds that the program is entered at, of an interpreter that stands there.
-    fn found(&self, interpreter: &Interpreter, entry: &gcode::Entry) -> Option<Beginning> {
-        let (line, behind) = self.entered?.line();
-        let switched = entry.set_up.iter().filter_map(switched);
-        let with_motion = entry.with_motion.iter().map(ToString::to_string);
-        Some(Beginning {
-            line,
-            behind,
-            modes: interpreter.modes().clone(),
-            axes: self.setup.axes,
-            position: entry.at,
-            switched: switched.chain(with_motion).collect(),
-        })
-    }
-
     /// Interprets the whole program from `start` without moving anything.
     ///
     /// # Errors
@@ -740,61 +719,6 @@ impl Program {
             }
         };
         Ok((interpreter, entry))
-    }
-}
-
-impl Entered {
-    /// The line at which the program is begun, and whether that is behind it.
-    fn line(&self) -> (u32, bool) {
-        match *self {
-            Self::AtLine(line) => (line, false),
-            Self::At { place, line, .. } => match place.known {
-                Some((number, line)) => (line, number < place.passed),
-                None => (line, false),
-            },
-        }
-    }
-}
-
-/// The state in which a line in the middle of a program begins.
-#[derive(Clone, Debug)]
-pub struct Beginning {
-    line: u32,
-    /// The program goes on behind that line.
-    behind: bool,
-    modes: gcode::Modes,
-    axes: AxisSet,
-    position: gcode::Point,
-    /// What is switched on the way there, in its order.
-    switched: Vec<String>,
-}
-
-/// What a command switches that leads to the line to begin at.
-fn switched(action: &Action) -> Option<String> {
-    Some(match action {
-        Action::Stop(gcode::Stop::ToolChange { .. }) => "the tool".to_owned(),
-        Action::Spindle(_) => "the spindle".to_owned(),
-        Action::Coolant(_) => "the coolant".to_owned(),
-        Action::Output(output) => output.to_string(),
-        _ => return None,
-    })
-}
-
-impl fmt::Display for Beginning {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { line, modes, .. } = self;
-        match self.behind {
-            true => write!(f, "behind line {line} the program goes on with {modes}, at")?,
-            false => write!(f, "line {line} begins with {modes}, at")?,
-        }
-        for axis in self.axes.iter() {
-            write!(f, " {axis}{:.3}", self.position[axis])?;
-        }
-        f.write_str(" in machine coordinates")?;
-        match &self.switched[..] {
-            [] => f.write_str("; nothing is switched on the way there"),
-            switched => write!(f, "; switched on the way there: {}", switched.join(", ")),
-        }
     }
 }
 

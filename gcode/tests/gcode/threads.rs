@@ -1,12 +1,14 @@
 //! Threads: G33, and what it needs.
 
-use syncline_gcode::{Action, Feed, Interpreter, Point, Setup};
+use syncline_gcode::{Action, Feed, Interpreter, Point, Setup, Spindle, Turning};
 
 use super::listing::{refusals_with, run_with, xyz};
 
 fn measured() -> Setup {
     let mut setup = xyz();
     setup.has_spindle_angle = true;
+    setup.sets_spindle_speed = true;
+    setup.spindle_speeds = Some((60.0, 3000.0));
     setup.limits[2] = Some((-50.0, 50.0));
     setup
 }
@@ -255,4 +257,96 @@ fn what_a_feed_by_turns_lacks_is_told() {
             ("M3 S600 G95 F0.5 G1 X1\nG94 X2", "2:1"),
         ]
     ));
+}
+
+// --- G96 ---
+
+/// What a program tells its spindle.
+fn spindles(text: &str) -> Vec<Spindle> {
+    let commands = run_with(measured(), text).unwrap();
+    let told = commands.iter().filter_map(|command| match command.action {
+        Action::Spindle(spindle) => Some(spindle),
+        _ => None,
+    });
+    told.collect()
+}
+
+#[test]
+fn a_surface_speed_is_of_the_radius_about_x0() {
+    let text = "M3 G96 S120 D2500\nG92 X10\nG20 S300\nG97 S500";
+    let told = spindles(text);
+    let surfaces: Vec<_> = told.iter().map(|it| it.surface).collect();
+    let [first, moved, feet, none] = surfaces[..] else {
+        panic!("{told:?}");
+    };
+    let (first, moved, feet) = (first.unwrap(), moved.unwrap(), feet.unwrap());
+    let near = |speed: f64, wanted: f64| assert!((speed - wanted).abs() < 1e-9, "{speed}");
+    near(first.speed, 2000.0);
+    assert_eq!(first.centre, 0.0);
+    assert_eq!(first.within, (60.0, 2500.0));
+    near(moved.speed, 2000.0);
+    near(feet.speed, 1524.0);
+    assert_eq!((moved.centre, feet.centre), (-10.0, -10.0));
+    assert_eq!(none, None);
+    assert_eq!(told[3].speed, 500.0);
+    for (x, speed) in [
+        (0.0, 2500.0),
+        (1e4, 60.0),
+        (-20.0, 60_000.0 / 20.0 / core::f64::consts::PI),
+    ] {
+        assert!((first.speed_at(x) - speed).abs() < 1e-9, "{x}");
+    }
+    // M2 ends it.
+    let mut program =
+        Interpreter::from_text("part.ngc", text.split("\nG97").next().unwrap(), measured());
+    assert!(program.by_ref().all(|command| command.is_ok()));
+    let left = program.memory();
+    let spindle = left.modes().spindle;
+    assert_eq!(
+        spindle,
+        Spindle {
+            turning: Turning::Off,
+            speed: 0.0,
+            surface: None
+        }
+    );
+}
+
+/// With both the feed's time is that of the least speed on its way.
+#[test]
+fn a_feed_by_turns_at_a_surface_speed() {
+    let pi = core::f64::consts::PI;
+    let turns = |radius: f64| 1000.0 / (2.0 * pi * radius);
+    let by = feeds("M3 G96 S60 G95 F0.2\nG0 X10\nG1 X40\nX20");
+    for (feed, radius) in by.iter().zip([40.0, 40.0]) {
+        let Feed::PerTurn {
+            travel,
+            turns: told,
+        } = *feed
+        else {
+            panic!("{feed:?}");
+        };
+        assert_eq!(travel, 0.2);
+        assert!((told - turns(radius)).abs() < 1e-9, "{told}");
+    }
+    assert_eq!(by.len(), 2);
+}
+
+#[test]
+fn what_a_surface_speed_lacks_is_told() {
+    insta::assert_snapshot!(refusals_with(
+        &measured(),
+        &[
+            ("G96 D2000", "1:1"),
+            ("G96 S100 D-1", "1:10"),
+            ("G96 S100 D50", "1:10"),
+            ("G96 S200000", "1:5"),
+            ("G96 S100\nG97", "2:1"),
+            ("M3 G96 S100\nG33 Z-5 K1", "2:1"),
+            ("M3 G96 S100\nG10 L2 P1 R10", "2:1"),
+        ]
+    ));
+    let mut unlimited = measured();
+    unlimited.spindle_speeds = None;
+    insta::assert_snapshot!(refusals_with(&unlimited, &[("G96 S100", "1:1")]));
 }

@@ -59,6 +59,7 @@ mod signals;
 mod splines;
 mod stepper;
 mod stops;
+mod surface_speed;
 mod sweep;
 mod switched;
 mod taps;

@@ -9,10 +9,12 @@ use syncline_controller::machine::Machine;
 use syncline_controller::program::{NoThread, ProgramError, Programs};
 use syncline_controller::session::Command;
 use syncline_drives::twin::Disturbance;
+use syncline_gcode::Turning;
 use syncline_tests::command::machine_file;
 use syncline_tests::rig::Rig;
 use syncline_trajectory::synchronous::{BEYOND, LostStep};
 
+use super::day::{assert_moves_within_limits, go, settle, state};
 use super::threads::{ALLOWED, EVEN, FINE, RIPPLES, SETTLED, SPINDLE, Thread, told};
 
 /// Where taps begin, mm.
@@ -225,6 +227,34 @@ fn a_spindle_that_is_blocked_leaves_the_tap_and_tells_so() {
         ThreadFailure::NotTurning => true,
     };
     assert!(told);
+}
+
+/// It may be in the work: who resumes is told so, and nothing moves or turns before cycle start.
+#[test]
+fn a_tap_that_was_left_is_told_before_the_program_is_resumed() {
+    let mut rig = Rig::staying_on("drill", &[], |_, _| ());
+    rig.goes_on = false;
+    settle(&mut rig);
+    let file = rig.folder.file("part.ngc", &EVEN.tap_program());
+    rig.command(Command::Load(file));
+    rig.command(Command::Run { from_line: None });
+    rig.run_until(|rig| goes_back(rig));
+    go(&mut rig, Command::Stop);
+    assert!(rig.events.contains(&Event::TapLeft { line: 4 }));
+    let there = rig.rows.last().unwrap().plan.position;
+    go(&mut rig, Command::Resume);
+    assert_eq!(state(&rig), State::Held, "{:?}", rig.refused);
+    let (_, told) = rig.messages.last().expect("a message");
+    assert!(told.contains("turn one out by hand"), "{told}");
+    let until = rig.rows.len() + 200;
+    rig.run_to_row(until);
+    let row = rig.rows.last().unwrap();
+    assert_eq!(row.plan.position, there);
+    assert_eq!(row.functions.spindle.turning, Turning::Off);
+    go(&mut rig, Command::CycleStart);
+    assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+    assert_eq!(self::told(&rig).len(), 1);
+    assert_moves_within_limits(&mut rig);
 }
 
 /// Where the spindle goes on as before the tap goes no deeper than what `check` left room for.

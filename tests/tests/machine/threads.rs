@@ -488,37 +488,56 @@ fn a_spindle_faster_than_the_axis_is_a_stop_with_the_reason() {
     assert!(allowed == 15.4 && wanted > allowed, "{wanted}");
 }
 
+/// From the middle of the thread on the spindle is seen to turn by ever another part of its speed, up to one.
+fn seen_to_change(rig: &mut Rig, each: f64, ends_at: f64) {
+    rig.run_until(|rig| {
+        let row = rig.rows.last();
+        row.is_some_and(|row| row.plan.off_path && row.plan.position[2] < 35.0)
+    });
+    let told = CobId::t_pdo(1, NodeId::new(4).unwrap());
+    let (mut before, mut shown, mut speed) = (None, 0.0, 1.0_f64);
+    rig.bus().doctor = Some(Box::new(move |received| {
+        if let [s0, s1, p0, p1, p2, p3] = *received.frame.data()
+            && received.frame.id() == told.into()
+        {
+            let count = i32::from_le_bytes([p0, p1, p2, p3]);
+            let by = before.map_or(0, |before: i32| count.wrapping_sub(before));
+            if before.replace(count).is_none() {
+                shown = f64::from(count);
+            }
+            speed += (ends_at - speed).clamp(-each, each);
+            shown += speed * f64::from(by);
+            let [p0, p1, p2, p3] = (shown as i32).to_le_bytes();
+            received.frame = Frame::new(told, &[s0, s1, p0, p1, p2, p3]);
+        }
+        true
+    }));
+}
+
 /// So gently that the axes could follow: to rest, or to the other side.
 #[test]
 fn a_spindle_that_slows_down_to_rest_stops_the_axes() {
     for ends_at in [0.0, -0.5] {
         let mut rig = EVEN.rig();
-        rig.run_until(|rig| {
-            let row = rig.rows.last();
-            row.is_some_and(|row| row.plan.off_path && row.plan.position[2] < 35.0)
-        });
-        let told = CobId::t_pdo(1, NodeId::new(4).unwrap());
-        let (mut before, mut shown, mut speed) = (None, 0.0, 1.0);
-        rig.bus().doctor = Some(Box::new(move |received| {
-            if let [s0, s1, p0, p1, p2, p3] = *received.frame.data()
-                && received.frame.id() == told.into()
-            {
-                let count = i32::from_le_bytes([p0, p1, p2, p3]);
-                let by = before.map_or(0, |before: i32| count.wrapping_sub(before));
-                if before.replace(count).is_none() {
-                    shown = f64::from(count);
-                }
-                speed = f64::max(speed - 0.01, ends_at);
-                shown += speed * f64::from(by);
-                let [p0, p1, p2, p3] = (shown as i32).to_le_bytes();
-                received.frame = Frame::new(told, &[s0, s1, p0, p1, p2, p3]);
-            }
-            true
-        }));
+        seen_to_change(&mut rig, 0.01, ends_at);
         let failure = failure(&mut rig);
         assert_eq!(failure, ThreadFailure::NotTurning);
         assert_on_line(&rig, &EVEN);
     }
+}
+
+/// It is followed up to what the axes can, and the reason is that, not that it turns as nobody told it.
+#[test]
+fn a_spindle_that_runs_away_is_too_fast() {
+    let changes = [("max_velocity = 250.0", "max_velocity = 27.0")];
+    let mut rig = drill(&changes, &EVEN.program());
+    seen_to_change(&mut rig, 0.002, 3.0);
+    let failure = failure(&mut rig);
+    let ThreadFailure::LostStep(LostStep::TooFast { wanted, allowed }) = failure else {
+        panic!("{failure:?}");
+    };
+    assert!(allowed == 27.0 && wanted > allowed, "{wanted}");
+    assert_on_line(&rig, &EVEN);
 }
 
 /// A hold waits for a thread's end; somebody at an open door does not.

@@ -258,7 +258,12 @@ impl<const N: usize> Controller<N> {
         if let Some(off) = off {
             motion.off = Some(motion.off.map_or(off, |most| most.max(off)));
         }
-        let is_slow = (turned - told).abs() > 0.5 * fastest;
+        // One that is too fast is followed up to what the axes can; in a tap it may be one that does not turn round.
+        let behind = match motion.begun.taps() {
+            true => (told - turned).abs(),
+            false => (told - turned) * told.signum(),
+        };
+        let is_slow = behind > 0.5 * fastest;
         motion.slow = if is_slow { motion.slow + 1 } else { 0 };
         let Motion {
             begun,

@@ -48,15 +48,11 @@ impl<const N: usize> Executor<N> {
         }
     }
 
-    /// How many turns a second feeds by turns are at; `None`: those that each was programmed with.
-    pub fn turns(&self) -> Option<f64> {
-        self.turns
-    }
-
-    /// Whether the path moves with a feed by turns.
-    pub fn moves_by_turns(&self) -> bool {
-        let first = self.path_segments.front();
-        self.moves() && first.is_some_and(|it| it.turns.is_some())
+    /// How many turns a second are planned for the feed by turns with which the path moves; `None`: it rests, or moves with
+    /// another feed.
+    pub fn planned_turns(&self) -> Option<f64> {
+        let programmed = self.path_segments.front().filter(|_| self.moves())?.turns?;
+        Some(self.turns.unwrap_or(programmed))
     }
 
     /// What parts of the programmed speeds are asked for.

@@ -1,0 +1,104 @@
+//! A program that is begun in its middle: in which state, for a person to confirm before anything moves.
+
+use super::{Entered, Program, ProgramError};
+use crate::machine::Position;
+use std::fmt;
+use syncline_gcode::{self as gcode, Action, AxisSet, Interpreter};
+
+/// What is told besides where a program begins with a tap: one that was stopped in it may have left the tap in the work.
+const TAPS: &str = "; it taps from there: see that no tap is in the work, and turn one out by hand before anything moves";
+
+impl Entered {
+    /// The line at which the program is begun, and whether that is behind it.
+    pub(super) fn line(&self) -> (u32, bool) {
+        match *self {
+            Self::AtLine(line) => (line, false),
+            Self::At { place, line, .. } => match place.known {
+                Some((number, line)) => (line, number < place.passed),
+                None => (line, false),
+            },
+        }
+    }
+}
+
+/// The state in which a line in the middle of a program begins.
+#[derive(Clone, Debug)]
+pub struct Beginning {
+    line: u32,
+    /// The program goes on behind that line.
+    behind: bool,
+    modes: gcode::Modes,
+    axes: AxisSet,
+    position: gcode::Point,
+    /// What is switched on the way there, in its order.
+    switched: Vec<String>,
+    /// It taps from there, as it did when it was stopped.
+    taps: bool,
+}
+
+/// What a command switches that leads to the line to begin at.
+fn switched(action: &Action) -> Option<String> {
+    Some(match action {
+        Action::Stop(gcode::Stop::ToolChange { .. }) => "the tool".to_owned(),
+        Action::Spindle(_) => "the spindle".to_owned(),
+        Action::Coolant(_) => "the coolant".to_owned(),
+        Action::Output(output) => output.to_string(),
+        _ => return None,
+    })
+}
+
+impl fmt::Display for Beginning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { line, modes, .. } = self;
+        match self.behind {
+            true => write!(f, "behind line {line} the program goes on with {modes}, at")?,
+            false => write!(f, "line {line} begins with {modes}, at")?,
+        }
+        for axis in self.axes.iter() {
+            write!(f, " {axis}{:.3}", self.position[axis])?;
+        }
+        f.write_str(" in machine coordinates")?;
+        match &self.switched[..] {
+            [] => f.write_str("; nothing is switched on the way there")?,
+            switched => write!(f, "; switched on the way there: {}", switched.join(", "))?,
+        }
+        match self.taps {
+            true => f.write_str(TAPS),
+            false => Ok(()),
+        }
+    }
+}
+
+impl Program {
+    /// What the line to begin at finds, for a person to confirm; `None` for the whole program.
+    ///
+    /// # Errors
+    /// The first block that cannot be run, or no such line.
+    pub fn beginning(&self, start: Position) -> Result<Option<Beginning>, ProgramError> {
+        if self.entered.is_none() {
+            return Ok(None);
+        }
+        let (interpreter, entry) = self.interpret(start)?;
+        Ok(entry.and_then(|entry| self.found(&interpreter, &entry)))
+    }
+
+    /// What the place finds that the program is entered at, of an interpreter that stands there.
+    pub(super) fn found(
+        &self,
+        interpreter: &Interpreter,
+        entry: &gcode::Entry,
+    ) -> Option<Beginning> {
+        let (line, behind) = self.entered?.line();
+        let switched = entry.set_up.iter().filter_map(switched);
+        let with_motion = entry.with_motion.iter().map(ToString::to_string);
+        Some(Beginning {
+            line,
+            behind,
+            modes: interpreter.modes().clone(),
+            axes: self.setup.axes,
+            position: entry.at,
+            switched: switched.chain(with_motion).collect(),
+            taps: entry.taps,
+        })
+    }
+}
