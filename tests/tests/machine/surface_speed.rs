@@ -112,7 +112,8 @@ fn the_centre_is_where_the_program_has_x0() {
 fn each_cut_behind_a_rapid_waits() {
     let program =
         "G21 G90 G61\nM3 G96 S150 D2800\nG0 X100\nG1 Z-2 F600\nG0 Z0\nG0 X15\nG1 Z-2\nM2\n";
-    let mut rig = lathe(program);
+    // It takes longer than the rapid.
+    let mut rig = lathe_with(&[("ramp_ms = 300", "ramp_ms = 3000")], program);
     assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
     for row in rig.rows.iter().filter(|row| cuts(row)) {
         let wanted = wanted(150.0, 2800.0, row.plan.position[0]);
