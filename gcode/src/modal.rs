@@ -113,7 +113,7 @@ pub(crate) enum Standing {
 }
 
 const NO_ORIENTATION: &str =
-    "the controller does not know the spindle's angle: write M0, and turn it by hand";
+    "the spindle is not turned to an angle: write M5 and M0, and turn it by hand";
 const NO_LATHE: &str = "it is for lathes";
 const NO_SCALING: &str =
     "have the program scaled where it is made: write G50 away if it only ends that";
