@@ -109,12 +109,15 @@ fn describe(machine: &Machine, layout: &Layout) {
         .collect();
     println!("machine {}: {}", machine.name, axes.join(", "));
     for bus in &MachineBudget::of(machine).buses {
+        let cycle = bus.budget.cycle;
+        let [demand, load] = [bus.budget.demand, bus.budget.load]
+            .map(|taken| 100.0 * taken.as_secs_f64() / cycle.as_secs_f64());
         println!(
-            "bus {}: {} kbit/s, cycle {} µs, taken {:.0} % in the worst case",
+            "bus {}: {} kbit/s, cycle {} µs, of which SYNC, PDOs and one other frame take {demand:.0} % in the worst case, all \
+             that can come in motion {load:.0} %",
             bus.bus,
             bus.budget.bit_rate / 1000,
-            bus.budget.cycle.as_micros(),
-            bus.budget.demand.as_secs_f64() / bus.budget.cycle.as_secs_f64() * 100.0
+            cycle.as_micros(),
         );
     }
     for device in 0..layout.devices.len() {
