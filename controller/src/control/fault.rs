@@ -225,10 +225,12 @@ pub enum DeviceCause {
         why: NotFollowing,
     },
     /// A second T_PDO came to one SYNC, with other data than the first: which of them is true nobody knows, and the
-    /// second one was not taken.
+    /// second one was not taken. One that answered behind the next SYNC for longer than two of them, and catches up, looks
+    /// the same: in between each SYNC had its answer.
     #[error(
         "a second T_PDO to one SYNC, with other data than the first: another device has this node id, give it one of \
-         its own; or something else on the bus has changed when it sends: let only one controller set it up"
+         its own; or something else on the bus has changed when it sends: let only one controller set it up; or it was \
+         late by a whole cycle for longer: check the load of the bus"
     )]
     SecondTPdo,
     /// Two devices share its node id: the same T_PDO came twice to one SYNC, in two cycles in a row.

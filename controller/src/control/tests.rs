@@ -323,6 +323,37 @@ proptest! {
     }
 }
 
+/// One that answers behind the next SYNC more than twice and then catches up cannot be told from two devices: what it was
+/// taken for in between is not known, so the machine stops.
+#[test]
+fn a_drive_that_catches_up_after_three_late_answers_is_stopped() {
+    for late in 1..=4 {
+        let layout = two_pdos_each();
+        let mut node = DeviceNode::new(0, &layout);
+        let id = layout.devices[0].device.spec().node;
+        let sync = Instant::ZERO;
+        let take = |node: &mut DeviceNode, position: i32| {
+            let frame = Frame::new(CobId::t_pdo(3, id), &position.to_le_bytes());
+            node.receive(sync, &frame, Some(sync), &mut |_| ())
+        };
+        node.on_sync();
+        assert_eq!(take(&mut node, 0), Ok(()));
+        // To one SYNC nothing comes, and to each of the others the answer to the one before.
+        node.on_sync();
+        for position in 1..=late {
+            node.on_sync();
+            assert_eq!(take(&mut node, position), Ok(()));
+        }
+        let second = fault::DeviceCause::SecondTPdo;
+        let expected = if late < 3 {
+            Ok(())
+        } else {
+            Err(Fault::Device(0, second))
+        };
+        assert_eq!(take(&mut node, late + 1), expected, "{late}");
+    }
+}
+
 #[test]
 fn a_burst_leaves_by_identifiers_whichever_drive_they_are_of() {
     let layout = two_pdos_each();

@@ -148,7 +148,8 @@ texts! {
 
     Fault::Device(_, DeviceCause::SecondTPdo), Fault::Device(2, DeviceCause::SecondTPdo),
     "node 3 (Y, LXM32M): a second T_PDO to one SYNC, with other data than the first: another device has this node id, \
-     give it one of its own; or something else on the bus has changed when it sends: let only one controller set it up";
+     give it one of its own; or something else on the bus has changed when it sends: let only one controller set it up; \
+     or it was late by a whole cycle for longer: check the load of the bus";
 
     Fault::Device(_, DeviceCause::TwoNodes), Fault::Device(2, DeviceCause::TwoNodes),
     "node 3 (Y, LXM32M): two T_PDOs to one SYNC: another device has this node id, give it one of \

@@ -1,5 +1,6 @@
 //! Encoders on shafts of their own, which are no axis' feedback: a belt beside the portal, by a TWK CRN and by CiA 406.
 
+use super::velocity::LOSSES_OF_ENCODERS;
 use proptest::prelude::*;
 use std::fs;
 use std::time::Duration;
@@ -7,7 +8,7 @@ use syncline_controller::control::fault::DeviceCause;
 use syncline_controller::control::{End, Fault, MeasuredSample};
 use syncline_controller::observe::flight_recorder::FlightRecorder;
 use syncline_controller::observe::frames::VIRTUAL_ORIGIN;
-use syncline_drives::twin::{Config, Disturbance, ErrorClass};
+use syncline_drives::twin::{Config, Disturbance};
 use syncline_tests::rig::{PORTAL_PROGRAM, Rig};
 
 /// Its place behind the drives of the machine file.
@@ -121,15 +122,7 @@ fn a_shaft_that_is_turned_by_hand() {
 
 #[test]
 fn a_belt_that_is_lost_stops_the_machine_on_its_path() {
-    let cases: [(Disturbance, &str); 3] = [
-        (Disturbance::Mute(true), "no T_PDO in 2 cycles in a row"),
-        (Disturbance::Reset, "no T_PDO in 2 cycles in a row"),
-        (
-            Disturbance::Fault(ErrorClass::StopAndSwitchOff),
-            "EMCY FFFFh",
-        ),
-    ];
-    for (disturbance, text) in cases {
+    for (disturbance, text) in LOSSES_OF_ENCODERS {
         let mut rig = portal("twk_crn", 350.0, PORTAL_PROGRAM, |_, _| ());
         rig.run_to_row(400);
         rig.twin(BELT).disturb(disturbance);

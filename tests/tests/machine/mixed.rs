@@ -26,6 +26,12 @@ const UNLED: (&str, &str) = (
     "[model.tlc5xx]\nposition_lag_us = 0\n[spindle]",
 );
 
+/// The controller takes the LXM32M for a drive that is where it was sent as soon as it has the setpoint.
+const UNCOMPENSATED: (&str, &str) = (
+    "[spindle]",
+    "[model.lxm32m]\ninterpolation_delay = 0\n[spindle]",
+);
+
 /// The example's program, or `program`, on the machine with these changes.
 fn validate(changes: &[(&str, &str)], program: Option<&str>) -> Value {
     let folder = Folder::new();
@@ -82,4 +88,25 @@ fn a_lag_that_is_not_led_shows_on_its_circle() {
     let [led, unled] = [led, unled].map(|result| contour_error(&result));
     println!("{led} {unled}");
     assert!(unled >= 5.0 * led, "{led}, {unled}");
+}
+
+/// All axes are at the same place of the path at the same instant, as each is sent the plan earlier by what its drive is late.
+/// Where the controller does not know of the latency of one, that axis is late by it.
+#[test]
+fn a_latency_that_is_not_compensated_shows_on_circles() {
+    // In X and Y, and in X and Z, in whose plane Z allows half of the speed.
+    let circles = [
+        "G21 G90 G94 G61\nG1 X220 Y200 F6000\nG3 X220 Y200 I-20\nG3 X220 Y200 I-20\nM2\n",
+        "G21 G90 G94 G61 G18\nG1 X220 Z-40 F3000\nG3 X220 Z-40 I-20\nG3 X220 Z-40 I-20\nM2\n",
+    ];
+    for (circle, velocity) in circles.into_iter().zip([100.0, 50.0]) {
+        let errors =
+            [&[][..], &[UNCOMPENSATED]].map(|it| contour_error(&validate(it, Some(circle))));
+        let [with, without] = errors;
+        println!("{with} {without}");
+        assert!(without >= 5.0 * with, "{with}, {without}");
+        // An axis that is late by a cycle makes an ellipse of the circle, which is off by half of its way meanwhile.
+        let expected = velocity * 4e-3 / 2.0;
+        assert!((without - expected).abs() < 0.02, "{without}, {expected}");
+    }
 }

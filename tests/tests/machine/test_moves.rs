@@ -95,6 +95,16 @@ fn farthest(rig: &mut Rig, drive: usize, pitch: f64) -> f64 {
     most
 }
 
+/// Where a side of the gantry is, mm: both turn the other way round.
+fn place(rig: &mut Rig, drive: usize) -> f64 {
+    let turns = rig.twin(drive).observe().position;
+    if drive == Y {
+        -PITCH * turns
+    } else {
+        PITCH * turns
+    }
+}
+
 fn told(rig: &Rig) -> Vec<(usize, f64)> {
     let factors = rig.events.iter().filter_map(|event| match event {
         Event::Tested { axis, factor } => Some((*axis, *factor)),
@@ -301,6 +311,67 @@ fn a_drive_that_counts_otherwise_than_is_described_is_told() {
             axis == drive && (factor - by).abs() < 0.02 + 0.1 * by,
             "{drive}: {factor}"
         );
+    }
+}
+
+// --- a gantry ---
+
+/// Y on two drives, behind that of X and its encoder's.
+const GANTRY: [(&str, &str); 2] = [
+    (
+        "[[encoder]]",
+        "[[drive]]\nname = \"Y2\"\nbus = \"table\"\nnode = 4\nmodel = \"inverter.toml\"\nzero = 150_000\n\n[[encoder]]",
+    ),
+    (
+        "drives = [\"Y\"]",
+        "drives = [\"Y\", \"Y2\"]\nskew_limit = 1.0",
+    ),
+];
+const Y2: usize = 2;
+
+/// The example with Y on two drives that are sent velocities.
+fn gantry(program: &str) -> Rig {
+    let mut models = velocity_models();
+    models.push(models[1].clone());
+    let changes: Vec<_> = models.iter().map(|(from, to)| (*from, &**to)).collect();
+    // The model that both sides have is replaced once for each of them.
+    let changes = [&GANTRY[..], &HOMED, &changes].concat();
+    Rig::new("velocity", &changes, program, |_, _| ())
+}
+
+/// Both sides go out and back side by side, and each is measured.
+#[test]
+fn a_gantry_makes_its_test_move_on_both_sides() {
+    let mut rig = gantry(PROGRAM);
+    let began = [Y, Y2].map(|drive| place(&mut rig, drive));
+    let mut apart = 0.0_f64;
+    while rig.step() {
+        let [one, other] =
+            [(Y, began[0]), (Y2, began[1])].map(|(drive, from)| place(&mut rig, drive) - from);
+        apart = apart.max((one - other).abs());
+    }
+    assert_eq!(rig.end(), Some(End::Finished), "{:?}", rig.events);
+    let told = told(&rig);
+    assert_eq!(told.iter().map(|it| it.0).collect::<Vec<_>>(), [X, Y]);
+    assert!(told.iter().all(|it| (it.1 - 1.0).abs() < 0.01), "{told:?}");
+    assert!(apart < 0.05, "{apart}");
+}
+
+/// One side that goes otherwise than it is sent is told, where its `skew_limit` is more than a quarter of the move.
+#[test]
+fn a_side_of_a_gantry_that_goes_otherwise_is_told() {
+    for side in [Y, Y2] {
+        for by in [10.0, 1.1, 0.9, -1.0, 0.0] {
+            let mut rig = gantry(PROGRAM);
+            count(&mut rig, side, 2, by);
+            let (axis, factor) = factor(rig.finish_with_fault());
+            println!("{side} {by}: {factor}");
+            assert_eq!(axis, Y);
+            assert!(
+                (factor - by).abs() <= 0.25 * by.abs() + 0.02,
+                "{side} {by}: {factor}"
+            );
+        }
     }
 }
 

@@ -183,17 +183,19 @@ fn the_drive_learns_its_place_from_the_encoder() {
     }
 }
 
+/// How a TWK CRN is lost, and what is said of it.
+pub(super) const LOSSES_OF_ENCODERS: [(Disturbance, &str); 3] = [
+    (Disturbance::Mute(true), "no T_PDO in 2 cycles in a row"),
+    (Disturbance::Reset, "no T_PDO in 2 cycles in a row"),
+    (
+        Disturbance::Fault(ErrorClass::StopAndSwitchOff),
+        "EMCY FFFFh",
+    ),
+];
+
 #[test]
 fn an_encoder_that_closes_the_loop_and_is_lost_stops_the_machine() {
-    let cases: [(Disturbance, &str); 3] = [
-        (Disturbance::Mute(true), "no T_PDO in 2 cycles in a row"),
-        (Disturbance::Reset, "no T_PDO in 2 cycles in a row"),
-        (
-            Disturbance::Fault(ErrorClass::StopAndSwitchOff),
-            "EMCY FFFFh",
-        ),
-    ];
-    for (disturbance, text) in cases {
+    for (disturbance, text) in LOSSES_OF_ENCODERS {
         let mut rig = portal_by_encoder(CIRCLES, |_, _| ());
         rig.run_to_row(600);
         rig.twin(BEAM).disturb(disturbance);

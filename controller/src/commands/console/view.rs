@@ -345,6 +345,7 @@ fn draw_keys(frame: &mut Frame) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::MeasuredSample;
     use crate::machine::Machine;
     use crate::session::{Settings, Squareness, Stopped};
     use ratatui::Terminal;
@@ -444,6 +445,17 @@ mod tests {
         model.status.squareness[0] = square(0.8, Some(-1.98761));
         let screen = drawn(&model, 80, 24);
         let told = "square   X was -1.9876 mm out, stored 0.8000 mm";
+        assert!(screen.contains(told), "{screen}");
+    }
+
+    #[test]
+    fn encoders_on_shafts_of_their_own_stand_among_the_signals() {
+        let mut model = model();
+        model.signals.measured = ["belt", "table"].map(str::to_owned).into();
+        let at = |position| Some(MeasuredSample { position, age: 0 });
+        model.status.measured[..2].copy_from_slice(&[at(-1412.34567), at(0.0)]);
+        let screen = drawn(&model, 80, 24);
+        let told = "encoders belt -1412.346, table 0.000";
         assert!(screen.contains(told), "{screen}");
     }
 
