@@ -15,7 +15,8 @@
 //! What the bus carries besides in motion: a heartbeat a node and one of the controller's, which are
 //! less urgent than PDOs and so only block, one at each of the two places (another one waits until the
 //! PDOs are through); and EMCY messages, which are more urgent than PDOs and go before them, at a
-//! stated rate of one a cycle. A machine that holds its deadlines with heartbeats but not with an EMCY
+//! stated rate of one a cycle. T_PDOs that come by event, each once a cycle at most, may stand at both places, all at once.
+//! A machine that holds its deadlines with heartbeats but not with an EMCY
 //! besides fits with a warning: a node that sends one has stopped or is to be stopped, and what it
 //! costs is one T_PDO or one burst, which is counted. SDO is kept out of motion by the controller;
 //! before, nothing moves yet.
@@ -82,6 +83,8 @@ pub struct NodeTraffic {
     pub response: Duration,
     /// Its cyclic PDOs.
     pub pdos: Vec<Pdo>,
+    /// Its T_PDOs come when they like, each once in a cycle at most, and not at SYNC.
+    pub by_event: bool,
 }
 
 impl NodeTraffic {
@@ -105,6 +108,7 @@ impl NodeTraffic {
                     bytes,
                 },
             ],
+            by_event: false,
         }
     }
 }
@@ -297,9 +301,9 @@ impl Traffic {
 
     /// Bounds of the cycle's two legs, with an EMCY a cycle or without.
     fn bounds(&self, emcy: bool) -> Bounds {
-        // Before SYNC: a heartbeat, or the last of the burst.
+        // Before SYNC: a heartbeat, the last of the burst, or a T_PDO that comes when it likes.
         let in_the_way = (self.pdos())
-            .filter(|(_, pdo)| pdo.direction == Direction::Receive)
+            .filter(|(node, pdo)| pdo.direction == Direction::Receive || node.by_event)
             .map(|(_, pdo)| pdo.bits())
             .fold(HEARTBEAT_BITS, u32::max);
         let sync_bits = worst_case_bits(CobId::SYNC.into(), 0);
@@ -347,6 +351,17 @@ impl Traffic {
                 (pdo, message)
             })
             .unzip();
+        // What comes when it likes may come with the burst, all at once.
+        let by_event = self.pdos().filter(|(node, pdo)| {
+            let comes = direction == Direction::Receive && node.by_event;
+            comes && pdo.direction == Direction::Transmit
+        });
+        messages.extend(by_event.map(|(node, pdo)| Message {
+            id: pdo.cob_id.into(),
+            bytes: pdo.bytes,
+            period: self.cycle * node.divider,
+            jitter: Duration::ZERO,
+        }));
         messages.extend(emcy.then_some(Message {
             id: CobId::emcy(FIRST_NODE).into(),
             bytes: 8,

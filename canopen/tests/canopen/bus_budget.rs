@@ -3,7 +3,7 @@
 
 use proptest::prelude::*;
 use std::time::Duration;
-use syncline_canopen::budget::{Direction, NodeTraffic, Traffic, Verdict};
+use syncline_canopen::budget::{Direction, NodeTraffic, Pdo, Traffic, Verdict};
 use syncline_canopen::response_time::{Message, bit_time, worst_case, worst_case_bits};
 use syncline_canopen::{CanId, CobId, NodeId};
 
@@ -52,6 +52,37 @@ fn four_axes_at_one_millisecond_are_refused() {
         // With all but an EMCY, which takes 15 µs too much.
         assert_eq!(half.budget().verdict, Verdict::FitsTightly);
         assert!(!half.budget().outlasts_emcy);
+    }
+}
+
+/// Nobody knows when they come: the burst has to leave earlier by all of them that are more urgent, and by the longest of the others.
+#[test]
+fn t_pdos_by_event_may_all_come_in_front_of_the_burst() {
+    let node = NodeId::new(9).unwrap();
+    let pdo = |number| Pdo {
+        direction: Direction::Transmit,
+        cob_id: CobId::t_pdo(number, node),
+        bytes: 8,
+    };
+    let with = |numbers: &[u8], by_event| {
+        let mut traffic = axes(2, 2);
+        traffic.nodes.push(NodeTraffic {
+            node,
+            divider: 1,
+            response: RESPONSE,
+            pdos: numbers.iter().map(|number| pdo(*number)).collect(),
+            by_event,
+        });
+        traffic.budget()
+    };
+    let at_sync = with(&[1, 2], false);
+    assert_eq!(at_sync.latest_offset, axes(2, 2).budget().latest_offset);
+    // R_PDO2 of the axes, 300h on, is behind both; the heartbeat in its way is none of them.
+    for (numbers, frames) in [(&[1][..], 1), (&[1, 2], 2), (&[1, 2, 3], 3)] {
+        let budget = with(numbers, true);
+        let earlier = at_sync.latest_offset - budget.latest_offset;
+        let least = bit_time(135 * frames.min(2), 1_000_000);
+        assert!(earlier >= least, "{numbers:?}: {earlier:?}");
     }
 }
 

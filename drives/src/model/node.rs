@@ -113,6 +113,7 @@ impl NodeSpec {
             divider: 1,
             response: self.t_pdo_response,
             pdos: [&self.t_pdos[..], &self.r_pdos[..]].concat(),
+            by_event: !self.answers_sync,
         }
     }
 }

@@ -115,7 +115,7 @@ prop_compose! {
             if second {
                 pdos.push(pdo(Direction::Transmit, CobId::t_pdo(4, node), r));
             }
-            NodeTraffic { node, divider: 1, response: Duration::from_micros(response), pdos }
+            NodeTraffic { node, divider: 1, response: Duration::from_micros(response), pdos, by_event: false }
         });
         Case {
             traffic: Traffic {
