@@ -8,7 +8,7 @@
 //! interrupted, read anew with the offsets and tools as they are then ([`Interrupted`]).
 
 use super::{Command, Refusal, Status};
-use crate::control::{Job, JobKind, Order, Outcome, State};
+use crate::control::{Job, JobKind, Layout, Order, Outcome, State};
 use crate::machine::{COORDINATES, Position};
 use crate::program::{Interrupted, Left, Moves, Program, Programs, Setting};
 use crate::run::Work;
@@ -20,6 +20,8 @@ use syncline_gcode::{AxisSet, InEffect, Memory, Place, Point, WorkCoordinates};
 pub(super) struct Jobs {
     programs: Programs,
     loaded: Option<PathBuf>,
+    /// The inputs that limit switches are wired to.
+    limit_switches: Vec<usize>,
     /// How many there were.
     count: u64,
     /// The one that was handed to the timeline and is not over.
@@ -56,10 +58,14 @@ pub(super) struct Begin {
 pub(super) type Resumable = Option<(Position, Place)>;
 
 impl Jobs {
-    pub(super) fn new(programs: Programs) -> Self {
+    pub(super) fn new(programs: Programs, layout: &Layout) -> Self {
+        let axes = layout.axes.iter();
         Self {
             programs,
             loaded: None,
+            limit_switches: (axes.flat_map(|axis| axis.limit_inputs.iter().flatten()))
+                .copied()
+                .collect(),
             count: 0,
             at_work: None,
             interrupted: None,
@@ -115,6 +121,14 @@ impl Jobs {
         self.loaded = Some(file.to_owned());
         self.interrupted = None;
         Ok(())
+    }
+
+    /// Whether it matters which axes a job homes before it moves them: of a machine with one that is not referenced, or
+    /// that stands on a limit switch, which a homing may lead off.
+    fn asks_for_homing(&self, status: &Status) -> bool {
+        let mut switches = self.limit_switches.iter();
+        let is_on = |input: &usize| status.inputs.get(*input).is_some_and(|on| *on);
+        !status.referenced.iter().all(|it| *it) || switches.any(is_on)
     }
 
     /// Whether a command resumes the program that was interrupted, in the state that is shown.
@@ -174,10 +188,10 @@ impl Jobs {
             number: self.count,
             kind,
             waits_for_input: program.streams(),
-            homes_first: match status.referenced.iter().all(|it| *it) {
+            homes_first: match self.asks_for_homing(status) {
+                true => program.homes_first(),
                 // No question of it, which would take to read a program up to where it is resumed.
-                true => AxisSet::NONE,
-                false => program.homes_first(),
+                false => AxisSet::NONE,
             },
         };
         let order = match kind {

@@ -128,7 +128,7 @@ impl<T: Timeline> Session<T> {
         programs: Programs,
         observers: Observers,
     ) -> Self {
-        let jobs = Some(Jobs::new(programs));
+        let jobs = Some(Jobs::new(programs, layout));
         let mut session = Self::with(layout, timeline, Moves::new().1, jobs, observers);
         session.desk.show_programs();
         session

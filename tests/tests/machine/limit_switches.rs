@@ -66,6 +66,33 @@ fn router(names: [&str; 2], start: f64, homing: Option<&str>, seed: u64) -> Rig 
     rig
 }
 
+/// As `home` does, G28.2 leads an axis off the limit switch by which it is homed, also where all axes are referenced; a
+/// job that does not home it first does not begin there.
+#[test]
+fn a_referenced_axis_is_homed_off_its_limit_switch_by_a_program() {
+    for (positive, input) in [(true, 3), (false, 2)] {
+        let homing = by_limit(positive, [80.0, 4.0, 5.0]);
+        let mut rig = router(["Y-", "Y+"], 400.0, Some(&homing), 1);
+        go(&mut rig, Command::Home([false; 9]));
+        let referenced = rig.session.status().referenced;
+        assert!(referenced.iter().all(|it| *it), "{:?}", rig.events);
+        rig.twin(Y).disturb(Disturbance::Input(input, true));
+        let until = rig.rows.len() + 50;
+        rig.run_to_row(until);
+        go(&mut rig, Command::Mdi("G91 G1 Y1 F100".into()));
+        assert_eq!(on_limit(&rig), [positive]);
+        rig.refused.clear();
+        rig.command(Command::Mdi("G28.2 Y0".into()));
+        rig.run_until(|rig| state(rig) == State::Homing || !rig.refused.is_empty());
+        assert_eq!(rig.refused, []);
+        rig.twin(Y).disturb(Disturbance::Input(input, false));
+        settle(&mut rig);
+        assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+        assert_eq!(limits(&rig), []);
+        assert!(is_referenced(&rig, Axis::Y), "{:?}", rig.events);
+    }
+}
+
 /// The router as it is, whose Y may be jogged further while it is not referenced.
 fn wide(names: [&str; 2]) -> Rig {
     let homing = format!("{HOMING}jog_distance = 100.0\n");
