@@ -138,7 +138,7 @@ struct PlantArgs {
 
 /// The models that move an axis, by their names.
 fn drive_model() -> impl TypedValueParser<Value = &'static Model> {
-    let drives = MODELS.iter().filter(|model| model.is_drive());
+    let drives = MODELS.iter().filter(|model| model.moves_axes());
     PossibleValuesParser::new(drives.map(|model| model.name))
         .try_map(|name| Model::by_name(&name).ok_or("no such model"))
 }

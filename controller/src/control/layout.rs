@@ -167,6 +167,8 @@ pub struct SpindleSpec {
     pub ramp: f64,
     /// Within this time it turns as it was told last.
     pub reversal: Duration,
+    /// The smallest difference of speeds that its drive tells, 1/min; 0 where it tells a position.
+    pub speed_step: f64,
 }
 
 impl AxisSpec {
@@ -193,7 +195,9 @@ impl AxisSpec {
 impl SpindleSpec {
     /// By how much it may differ from a speed that it has, 1/min.
     pub(super) fn window(&self, speed: f64) -> f64 {
-        (self.tolerance * speed.abs()).max(LEAST_WINDOW * self.fastest)
+        let window = (self.tolerance * speed.abs()).max(LEAST_WINDOW * self.fastest);
+        // It was sent the nearest that there is, and tells the nearest.
+        window.max(self.speed_step)
     }
 }
 
@@ -218,12 +222,15 @@ impl SpindleSpec {
     fn of(machine: &Machine) -> Option<Self> {
         let (place, drive) = machine.spindle_drive()?;
         let spindle = machine.spindle.as_ref()?;
+        let device = machine.device(place);
+        let step = device.drive().and_then(|it| it.speed_step());
         Some(Self {
             drive: place,
             fastest: spindle.speeds.1,
             tolerance: drive.tolerance,
             ramp: spindle.speeds.1 / spindle.ramp.as_secs_f64(),
             reversal: spindle.reversal(),
+            speed_step: step.map_or(0.0, |step| step / drive.increments_per_second(1.0).abs()),
         })
     }
 }

@@ -6,7 +6,6 @@
 
 use super::event::Event;
 use super::fault::{AwaitedState, DeviceCause, DeviceIndex, Fault};
-use super::homing::Edge;
 use super::layout::{self, Layout};
 use super::polls::Polls;
 use super::sdo_sequence::{SdoSequence, Step};
@@ -15,8 +14,8 @@ use std::sync::Arc;
 use syncline_canopen::emcy::{self, Emergency};
 use syncline_canopen::{CanId, CobId, Frame, Instant, Transmit, heartbeat, nmt};
 use syncline_drives::model::{
-    ANALOG_INPUTS, Capture, Device, DriveStatus, Dynamics, Increments, Monitoring, OutOfRange,
-    PowerCommand, PowerState, Scaling, Setpoint, Survey, unwrapped,
+    ANALOG_INPUTS, Device, DriveStatus, Dynamics, Increments, Monitoring, OutOfRange, PowerCommand,
+    PowerState, Scaling, Setpoint, Survey, unwrapped,
 };
 
 /// A device in the cycle: what it last told, and what it is told next.
@@ -46,6 +45,8 @@ pub(super) struct DeviceNode {
     actual: Increments,
     /// The torque that its last T_PDOs told, if they tell one, as its positions grow.
     told_torque: Option<i16>,
+    /// How fast it turns as it told last, increments/s, if it tells no position.
+    told_speed: Option<f64>,
     /// Its count at machine position 0, beyond the `zero` of the machine file.
     pub(super) origin: Increments,
     /// It has begun anew without having been told to, or was out of reach: it may count otherwise.
@@ -108,6 +109,7 @@ impl DeviceNode {
             status: DriveStatus::default(),
             actual: drive.middle,
             told_torque: None,
+            told_speed: None,
             origin: Increments::ZERO,
             lost_count: false,
             resetting: false,
@@ -250,6 +252,9 @@ impl DeviceNode {
         if let Some(torque) = drive.and_then(|drive| drive.torque(t_pdo, data)) {
             self.told_torque = Some(torque);
         }
+        if let Some(speed) = drive.and_then(|drive| drive.speed(t_pdo, data)) {
+            self.told_speed = Some(speed);
+        }
         if let Some(feedback) = self.device.feedback()
             && let Some(sample) = feedback.sample(t_pdo, data)
         {
@@ -328,6 +333,12 @@ impl DeviceNode {
     /// SYNCs since the one that its last T_PDO answered.
     pub(super) fn age(&self) -> u32 {
         self.age
+    }
+
+    /// How fast it turns, in units of its scaling in a second, as a drive tells that tells no position.
+    pub(super) fn told_speed(&self) -> Option<f64> {
+        let scaling = self.scaling();
+        (self.told_speed).map(|speed| speed / scaling.to_increments_per_second(1.0))
     }
 
     /// Whether every T_PDO has come at all.
@@ -528,10 +539,11 @@ impl DeviceNode {
             .map_err(|why| self.fault(DeviceCause::NotFollowing { word, why }))
     }
 
-    /// Counts the cycles in which the drive has stood within its window.
+    /// Counts the cycles in which the drive has stood within its window, or has told no speed.
     pub(super) fn watch_standstill(&mut self) {
         let window = self.standstill_window();
-        if (self.actual - self.still_at).get().abs() <= window.get() {
+        let turns = self.told_speed.is_some_and(|speed| speed != 0.0);
+        if !turns && (self.actual - self.still_at).get().abs() <= window.get() {
             self.still = self.still.saturating_add(1);
         } else {
             self.still_at = self.actual;
@@ -731,26 +743,6 @@ impl DeviceNode {
         drive.is_some_and(|drive| drive.owes_acknowledgement())
     }
 
-    /// The steps that let the drive capture the next edge of an input.
-    pub(super) fn arm_capture(&mut self, capture: &Capture) {
-        self.sequence.extend(capture.arm.map(Step::Write));
-    }
-
-    /// The steps that ask for the edge that was captured.
-    pub(super) fn ask_captured(&mut self, capture: &'static Capture) {
-        self.sequence.extend([Step::Captured(capture)]);
-    }
-
-    /// Where the edge was that was asked for last, if one was captured, passed at `speed`, mm/s.
-    pub(super) fn captured(&self, speed: f64) -> Option<Edge> {
-        let jitter = self.device.spec().capture_jitter.as_secs_f64();
-        let moved = self.scaling().magnitude(speed * jitter);
-        self.sequence.captured().map(|at| Edge {
-            at,
-            uncertainty: moved + Increments::new(1),
-        })
-    }
-
     /// The steps that take the set-up's cyclic part back, from a device in reach; whatever else there was to do is
     /// forgotten, as a bus may come back meanwhile.
     pub(super) fn ask_release(&mut self, in_reach: bool) {
@@ -772,6 +764,7 @@ impl DeviceNode {
 }
 
 mod answers;
+mod captures;
 mod count;
 mod homing;
 #[cfg(test)]

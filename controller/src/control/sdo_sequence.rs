@@ -63,8 +63,8 @@ pub(super) enum Step {
     Mode(ModeDisplay),
     /// Writes on the way out; a refusal is an event.
     Release(Write),
-    /// Reads whether an edge was captured, and goes on with where.
-    Captured(&'static Capture),
+    /// Reads whether an edge was captured, and goes on with where, or with another one that may have been.
+    Captured(&'static Capture, Option<&'static Capture>),
     /// Reads where an edge was captured.
     CapturedAt(&'static Capture),
     /// Reads an object, and notes at this place what it says.
@@ -88,7 +88,7 @@ impl Step {
             | Self::Release(write) => write.address,
             Self::AwaitLock(lock) => lock.address,
             Self::Mode(display) => display.address,
-            Self::Captured(capture) => capture.status,
+            Self::Captured(capture, _) => capture.status,
             Self::CapturedAt(capture) => capture.position,
         }
     }
@@ -151,6 +151,16 @@ impl SdoSequence {
             noted: [0; NOTES],
             polled: None,
         }
+    }
+
+    /// Asks for the edge that was captured, or else for the `other` one.
+    pub(super) fn ask_captured(
+        &mut self,
+        capture: Option<&'static Capture>,
+        other: Option<&'static Capture>,
+    ) {
+        let ask = capture.map(|capture| Step::Captured(capture, other));
+        self.extend(ask);
     }
 
     /// Where the edge was that was asked for last, if one was captured.
@@ -385,7 +395,7 @@ impl SdoSequence {
                     found: value as i8,
                 }));
             }
-            Step::Captured(_) | Step::CapturedAt(_) => self.take_captured(step, value),
+            Step::Captured(..) | Step::CapturedAt(_) => self.take_captured(step, value),
             Step::Identity(_) => {
                 self.next();
                 self.identified = !matches!(self.steps.front(), Some(Step::Identity(_)));
@@ -412,9 +422,10 @@ impl SdoSequence {
         self.next();
         self.captured = None;
         match step {
-            Step::Captured(capture) if value & capture.stored != 0 => {
+            Step::Captured(capture, _) if value & capture.stored != 0 => {
                 self.steps.push_front(Step::CapturedAt(capture));
             }
+            Step::Captured(_, Some(other)) => self.steps.push_front(Step::Captured(other, None)),
             Step::CapturedAt(_) => self.captured = Some((value as i32).into()),
             _ => {}
         }

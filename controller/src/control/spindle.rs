@@ -7,6 +7,7 @@
 //!
 //! Its speed is that of its actual positions, which count increments, not what the drive says of its velocity: that
 //! counts in the unit in which it was sent, and so would agree where the unit is another one than the machine file says.
+//! Only where the drive tells no position it is what the drive says.
 //!
 //! A spindle that has had its speed has to keep it while the path cuts, be it turned by a drive or by something that tells by an
 //! input whether it is at speed.
@@ -41,7 +42,7 @@ const AVERAGED: Duration = Duration::from_millis(20);
 pub struct SpindleSample {
     /// How fast it turns, 1/min, negative counterclockwise: the mean of the last 20 ms.
     pub speed: f64,
-    /// How far it has turned from the drive's `zero`, revolutions, whole ones too.
+    /// How far it has turned from the drive's `zero`, revolutions, whole ones too; 0 where its drive tells no position.
     pub turns: f64,
     /// SYNCs since the one at which it was there.
     pub age: u32,
@@ -119,7 +120,8 @@ impl KeptSpeed {
 /// How the spindle has turned lately.
 #[derive(Clone, Debug)]
 pub(super) struct SpindleWatch {
-    /// In which cycle it was how far, revolutions, the oldest first; never more than there was room for at first.
+    /// In which cycle it was how far, revolutions, the oldest first; never more than there was room for at first. Where the
+    /// drive tells a speed alone, how far that has taken it.
     turns: VecDeque<(u64, f64)>,
     most: usize,
     /// Of a cycle, s.
@@ -170,6 +172,14 @@ impl SpindleWatch {
         }
     }
 
+    /// How far it has come by a cycle with that speed since the last one, degrees/s.
+    fn turned(&self, cycle: u64, speed: f64) -> f64 {
+        self.turns.back().map_or(0.0, |(before, turns)| {
+            let cycles = cycle.saturating_sub(*before);
+            turns + speed / TURN * cycles as f64 * self.period
+        })
+    }
+
     fn take(&mut self, cycle: u64, turns: f64) {
         if self.turns.len() == self.most {
             self.turns.pop_front();
@@ -214,7 +224,10 @@ impl<const N: usize> Controller<N> {
             return;
         };
         let node = &self.nodes[drive];
-        let turns = (node.age() == 0).then(|| node.actual_mm() / TURN);
+        let turns = (node.age() == 0).then(|| match node.told_speed() {
+            Some(speed) => self.spindle.turned(self.cycle, speed),
+            None => node.actual_mm() / TURN,
+        });
         if !self.sync_on || !node.is_sampled() {
             self.spindle.turns.clear();
             self.spindle.angle.reset();

@@ -25,34 +25,37 @@ impl Default for Probing {
     }
 }
 
-/// How a drive captures where a probe touches, and where it no longer does.
+/// How a drive captures where a probe or a tool setter touches, and where it no longer does: as many of its inputs as it
+/// can at once, a probe's first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ProbeCaptures {
-    touches: &'static Capture,
-    leaves: &'static Capture,
+    touches: [Option<&'static Capture>; 2],
+    leaves: [Option<&'static Capture>; 2],
 }
 
 impl ProbeCaptures {
-    /// Of a drive that a probe or, if there is none, a tool setter is wired to, if a capture of it sees that.
+    /// Of a drive, if a capture of it sees a probe or a tool setter.
     #[must_use]
     pub fn new(drive: usize, drives: &[Drive], inputs: &[Input]) -> Option<Self> {
-        let wired = inputs.iter().filter(|input| input.node == drive);
-        let mut probed = wired.filter(|input| input.meaning.is_probed());
-        let first = probed.next()?;
-        let probe = match first.meaning {
-            InputMeaning::Probe => first,
-            _ => (probed.find(|input| input.meaning == InputMeaning::Probe)).unwrap_or(first),
-        };
         let model = drives.get(drive)?.model;
-        Some(Self {
-            touches: model.capture(probe.signal, !probe.active_low)?,
-            leaves: model.capture(probe.signal, probe.active_low)?,
+        let wired = |meaning| {
+            let mut wired = inputs.iter().filter(move |it| it.node == drive);
+            wired.find(|it| it.meaning == meaning && model.capture(it.signal, true).is_some())
+        };
+        let seen = [InputMeaning::Probe, InputMeaning::ToolSetter].map(wired);
+        let at = |comes: bool| {
+            seen.map(|it| it.and_then(|it| model.capture(it.signal, comes != it.active_low)))
+        };
+        let touches = at(true);
+        (touches.iter().any(Option::is_some)).then(|| Self {
+            touches,
+            leaves: at(false),
         })
     }
 
-    /// That of a contact that is lost if `away`, otherwise of one that comes.
+    /// Those of a contact that is lost if `away`, otherwise of one that comes.
     #[must_use]
-    pub fn of(&self, away: bool) -> &'static Capture {
+    pub fn of(&self, away: bool) -> [Option<&'static Capture>; 2] {
         match away {
             true => self.leaves,
             false => self.touches,

@@ -331,6 +331,19 @@ impl Tables {
                     misnamed = true;
                     continue;
                 };
+                let DriveTable { node, .. } = &self.drives[drive];
+                if !node.model.moves_axes() {
+                    log.report(
+                        name.span(),
+                        format!(
+                            "{}: drive \"{}\" ({}) tells no position",
+                            axis.title(),
+                            name.get_ref(),
+                            node.model.title
+                        ),
+                        "allowed: a drive that does; this one can turn a spindle",
+                    );
+                }
                 if let Some(other) = axis_of[drive].replace(index) {
                     misnamed = true;
                     log.report(

@@ -6,7 +6,7 @@ use super::{InputMeaning, Machine, Simulation, simulation};
 use std::ops::Range;
 use std::time::Duration;
 use syncline_canopen::NodeId;
-use syncline_drives::model::{Ability, Assumed, Model, Scaling, Setpoint, Settings, Write};
+use syncline_drives::model::{Assumed, Model, Scaling, Setpoint, Settings, Write};
 use syncline_strict_toml::{Log, Table};
 use syncline_trajectory::synchronous::RAMP_PART;
 use toml::Spanned;
@@ -298,14 +298,14 @@ impl Spindle {
             return;
         };
         let SpindleDrive { name, model, .. } = drive;
-        if !model.abilities.contains(&Ability::ProfileVelocity) {
+        if !model.turns_spindles() {
             log.report(
                 named,
                 format!(
                     "spindle: drive \"{name}\" ({}) cannot turn at a velocity that it is sent",
                     model.title
                 ),
-                "allowed: a drive with Profile Velocity, such as one of `model = \"cia402_pv\"`",
+                "allowed: a drive in Profile Velocity or in velocity mode, such as `model = \"cia402_pv\"` or `model = \"cia402_vl\"`",
             );
             return;
         }

@@ -27,6 +27,7 @@ use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, SystemTime};
 use syncline_canopen::{Frame, Instant};
+use syncline_gcode::ANALOG_INPUTS;
 
 /// Bits of the shortest frame with the pause behind it: a bus carries no more frames than that allows.
 const SHORTEST_FRAME: f64 = 47.0;
@@ -56,6 +57,7 @@ struct Moment {
     measured: [Option<MeasuredSample>; MEASURED],
     /// Bit by bit, by the place in the machine file.
     inputs: u64,
+    analog_inputs: [f64; ANALOG_INPUTS],
 }
 
 /// The last items, in memory that is made once.
@@ -114,6 +116,7 @@ impl<T: Clone> LastSeconds<T> {
 struct Legend {
     buses: Vec<String>,
     inputs: Vec<String>,
+    analog_inputs: Vec<String>,
     axes: Vec<(&'static str, usize)>,
     /// A drive turns the spindle.
     has_spindle: bool,
@@ -202,6 +205,7 @@ impl FlightRecorder {
             legend: Arc::new(Legend {
                 buses: names(&mut machine.buses.iter().map(|bus| &bus.name)),
                 inputs: names(&mut machine.inputs.iter().map(|input| &input.name)),
+                analog_inputs: names(&mut machine.analog_inputs.iter().map(|input| &input.name)),
                 axes: (machine.axes.iter())
                     .map(|axis| (axis.name(), axis.letter.index()))
                     .collect(),
@@ -256,6 +260,7 @@ impl FlightRecorder {
             spindle: row.spindle,
             measured: row.measured,
             inputs: self.inputs,
+            analog_inputs: row.analog_inputs,
         };
         self.moments.push(row.at, moment);
     }
@@ -343,6 +348,7 @@ impl Recording {
         }
         let Legend {
             inputs,
+            analog_inputs,
             axes,
             has_spindle,
             measured: (measured, measured_columns),
@@ -358,7 +364,7 @@ impl Recording {
             row += trace::SPINDLE_COLUMNS;
         }
         row += measured_columns;
-        for name in inputs {
+        for name in inputs.iter().chain(analog_inputs) {
             let _ = write!(row, ",input_{name}");
         }
         writeln!(file, "{row}")?;
@@ -378,6 +384,9 @@ impl Recording {
             for input in 0..inputs.len() {
                 let on = moment.inputs.checked_shr(input as u32).unwrap_or_default() & 1;
                 let _ = write!(row, ",{on}");
+            }
+            for value in &moment.analog_inputs[..analog_inputs.len()] {
+                let _ = write!(row, ",{value}");
             }
             writeln!(file, "{row}")?;
         }

@@ -241,6 +241,10 @@ pub fn config(machine: &Machine, index: usize, seed: u64) -> Config {
     let config = Config {
         bit_rate: BitRate::from_kbit(machine.buses[node.bus].bitrate / 1000),
         assumed: machine.assumed(node.model).0,
+        analog_inputs: (machine.analog_inputs.iter())
+            .filter(|input| input.node == index)
+            .filter_map(|input| Some((input.place as u8, input.course()?)))
+            .collect(),
         dictionary: node.model.generic.map(|_| node.model.dictionary),
         ..single(node.id, index, seed)
     };

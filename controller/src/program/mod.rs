@@ -345,10 +345,11 @@ impl Programs {
             signals(machine).map(|(name, _)| name),
             machine.values.iter().cloned(),
         ));
-        setup.has_spindle_angle = machine.spindle_drive().is_some();
+        let spindle = machine.spindle_drive();
+        setup.has_spindle_angle = spindle.is_some_and(|(_, drive)| drive.model.moves_axes());
         let mut outputs = machine.analog_outputs.iter();
-        setup.sets_spindle_speed = setup.has_spindle_angle
-            || outputs.any(|output| output.source == AnalogSource::SpindleSpeed);
+        setup.sets_spindle_speed =
+            spindle.is_some() || outputs.any(|output| output.source == AnalogSource::SpindleSpeed);
         setup.has_probe = (machine.inputs.iter()).any(|it| it.meaning.is_probed());
         setup.tables = tables;
         Self {

@@ -106,6 +106,7 @@ fn data_sheets_name_the_maker() {
         ("cia401", None),
         ("cia402_csp", None),
         ("cia402_csv", None),
+        ("cia402_vl", None),
         ("cia406", None),
     ] {
         let mut command = Command::new(env!("CARGO_BIN_EXE_syncline"));

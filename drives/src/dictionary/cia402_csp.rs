@@ -1,5 +1,5 @@
 //! The object dictionary of a drive as the profile has it: CiA 402 (IEC 61800-7-201), with Cyclic
-//! Synchronous Position, Interpolated Position, Cyclic Synchronous Velocity or Profile Velocity as its only operating
+//! Synchronous Position, Interpolated Position, Cyclic Synchronous Velocity, Profile Velocity or velocity mode as its only operating
 //! mode, on CANopen (CiA 301).
 //!
 //! `default` is a value that a profile gives; `assumed` one that it leaves to the maker. Positions
@@ -145,6 +145,24 @@ pub static CIA402_CSP: &[Entry] = &table([
     ro(0x603F, 0, "Error code", U16).default(0).t_pdo(),
     rw(0x6040, 0, "Controlword", U16).default(0).r_pdo(),
     ro(0x6041, 0, "Statusword", U16).t_pdo(),
+    rw(0x6042, 0, "vl target velocity", I16).default(0).unit("1/min").r_pdo(),
+    ro(0x6043, 0, "vl velocity demand", I16).unit("1/min").t_pdo(),
+    ro(0x6044, 0, "vl control effort", I16).unit("1/min").t_pdo(),
+    ro(0x6046, 0, "vl velocity min max amount: number", U8).default(2),
+    rw(0x6046, 1, "vl velocity min amount", U32).assumed(0).unit("1/min").r_pdo(),
+    rw(0x6046, 2, "vl velocity max amount", U32).assumed(3000).unit("1/min").r_pdo(),
+    ro(0x6048, 0, "vl velocity acceleration: number", U8).default(2),
+    rw(0x6048, 1, "vl acceleration delta speed", U32).assumed(3000).unit("1/min").r_pdo(),
+    rw(0x6048, 2, "vl acceleration delta time", U16).assumed(3).unit("s").r_pdo(),
+    ro(0x6049, 0, "vl velocity deceleration: number", U8).default(2),
+    rw(0x6049, 1, "vl deceleration delta speed", U32).assumed(3000).unit("1/min").r_pdo(),
+    rw(0x6049, 2, "vl deceleration delta time", U16).assumed(3).unit("s").r_pdo(),
+    ro(0x604A, 0, "vl velocity quick stop: number", U8).default(2),
+    rw(0x604A, 1, "vl quick stop delta speed", U32).assumed(6000).unit("1/min").r_pdo(),
+    rw(0x604A, 2, "vl quick stop delta time", U16).assumed(1).unit("s").r_pdo(),
+    ro(0x604C, 0, "vl dimension factor: number", U8).default(2),
+    rw(0x604C, 1, "vl dimension factor numerator", I32).default(1),
+    rw(0x604C, 2, "vl dimension factor denominator", I32).default(1),
     rw(0x605A, 0, "Quick stop option code", I16).range(0, 6).default(2),
     rw(0x605E, 0, "Fault reaction option code", I16).range(0, 2).default(2),
     rw(0x6060, 0, "Modes of operation", I8).default(0).r_pdo(),

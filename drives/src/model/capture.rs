@@ -31,6 +31,15 @@ pub struct Capture {
     pub position: Address,
 }
 
+impl Capture {
+    /// The writes after which the drive waits for the next edge of this and of `other`, which both arm by the same
+    /// objects: what one of them sets stays where the other is set.
+    #[must_use]
+    pub fn armed_with(&self, other: &Self) -> [Write; 2] {
+        core::array::from_fn(|place| self.arm[place].with_bits_of(&other.arm[place]))
+    }
+}
+
 /// How exactly a drive captures.
 pub(super) const CAPTURE_JITTER: Assumption = Assumption {
     name: "capture_jitter_us",

@@ -89,6 +89,7 @@ impl Cia402Csp {
                 INTERPOLATED_POSITION => 0x60C1_0120,
                 _ => 0x607A_0020,
             },
+            actual: generic::POSITION,
         };
         let own = [generic::period(settings), cia402::limits(settings)].concat();
         Self {

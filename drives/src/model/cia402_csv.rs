@@ -160,6 +160,7 @@ impl Cia402Velocity {
         let kind = Kind {
             mode: mode as u8,
             setpoint: 0x60FF_0020,
+            actual: generic::POSITION,
         };
         let increments = f64::from(assumed.value(&ENCODER_INCREMENTS));
         let units = match assumed.value(&VELOCITY_UNITS) {

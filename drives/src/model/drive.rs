@@ -82,6 +82,18 @@ pub trait Drive: Feedback {
         None
     }
 
+    /// What the data of a T_PDO, all its mapped bytes, say of how fast it turns, increments/s; `None` unless it is a
+    /// drive that is sent [speeds](super::Setpoints::Speeds), which tells no position.
+    fn speed(&self, t_pdo: usize, data: &[u8]) -> Option<f64> {
+        let _ = (t_pdo, data);
+        None
+    }
+
+    /// The smallest difference of two speeds that it can tell, increments/s; `None` unless it tells speeds.
+    fn speed_step(&self) -> Option<f64> {
+        None
+    }
+
     /// Whether the drive can be sent to `setpoint`: a matter of range, not of state.
     ///
     /// # Errors

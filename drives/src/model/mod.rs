@@ -19,6 +19,7 @@ mod capture;
 mod cia401;
 mod cia402_csp;
 mod cia402_csv;
+mod cia402_vl;
 mod cia406;
 mod described;
 mod drive;
@@ -66,6 +67,7 @@ pub static MODELS: &[&Model] = &[
     &cia401::CIA401,
     &cia406::CIA406,
     &tsp10::TSP10,
+    &cia402_vl::CIA402_VL,
 ];
 
 /// A kind of device: everything that is known before one is made.
@@ -120,7 +122,7 @@ pub struct Model {
 /// How a device of a model is made, by what it does for a machine.
 #[derive(Clone, Copy, Debug)]
 pub enum Make {
-    /// It moves an axis, and is sent this in every cycle. The model, here and below, is the one whose device is made.
+    /// It moves an axis or turns a spindle, and is sent this in every cycle. The model, here and below, is the one whose device is made.
     Drive(Setpoints, fn(&'static Model, &Settings) -> Box<dyn Drive>),
     /// It tells where something is, and no more.
     Encoder(fn(&'static Model, &Settings) -> Arc<dyn Feedback>),
@@ -217,6 +219,8 @@ pub enum Setpoints {
     Positions,
     /// How fast to turn, see [`Dynamics`].
     Velocities,
+    /// How fast to turn a spindle, by ramps of its own. It tells how fast it turns ([`Drive::speed`]), and no position.
+    Speeds,
 }
 
 /// Something that some drives can do and others cannot, which a machine file may ask for.
@@ -254,13 +258,25 @@ impl Model {
         }
     }
 
-    /// Whether its devices move an axis.
+    /// Whether its devices are drives.
     #[must_use]
     pub fn is_drive(&self) -> bool {
         matches!(self.make, Make::Drive(..))
     }
 
-    /// Whether its devices move an axis and are sent that in every cycle.
+    /// Whether its devices can move an axis.
+    #[must_use]
+    pub fn moves_axes(&self) -> bool {
+        self.is_drive() && !self.is_sent(Setpoints::Speeds)
+    }
+
+    /// Whether its devices can turn a spindle.
+    #[must_use]
+    pub fn turns_spindles(&self) -> bool {
+        self.is_sent(Setpoints::Speeds) || self.abilities.contains(&Ability::ProfileVelocity)
+    }
+
+    /// Whether its devices are drives that are sent that in every cycle.
     #[must_use]
     pub fn is_sent(&self, setpoints: Setpoints) -> bool {
         matches!(self.make, Make::Drive(sent, _) if sent == setpoints)

@@ -48,6 +48,14 @@ impl Data {
         }
     }
 
+    /// All bits that are set here or in `other`.
+    fn or(mut self, other: Self) -> Self {
+        for (byte, more) in self.bytes.iter_mut().zip(other.bytes) {
+            *byte |= more;
+        }
+        self
+    }
+
     /// The least and the greatest value of a number of at most four bytes; `None` for another
     /// type.
     #[must_use]
@@ -115,6 +123,14 @@ pub struct Write {
 }
 
 impl Write {
+    /// The same, with the bits of `other` set as well, where that is the same object.
+    pub(super) fn with_bits_of(mut self, other: &Self) -> Self {
+        if self.address == other.address {
+            self.data = self.data.or(other.data);
+        }
+        self
+    }
+
     /// `index:sub` := `data`.
     #[must_use]
     pub const fn new(index: u16, sub: u8, data: Data) -> Self {

@@ -150,6 +150,28 @@ impl Sensor {
     }
 }
 
+/// A value over time: points of seconds since the device was switched on, ascending, and the value then, with straight
+/// lines between them; before the first and behind the last it stays.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Course(pub Vec<(f64, f64)>);
+
+impl Course {
+    /// The value so many seconds after the device was switched on; `None` without points.
+    #[must_use]
+    pub fn at(&self, seconds: f64) -> Option<f64> {
+        let next = self.0.partition_point(|&(at, _)| at <= seconds);
+        let before = next.checked_sub(1).map(|place| self.0[place]);
+        let behind = self.0.get(next).copied();
+        Some(match (before, behind) {
+            (Some((from, start)), Some((to, end))) => {
+                start + (end - start) * ((seconds - from) / (to - from))
+            }
+            (Some((_, value)), None) | (None, Some((_, value))) => value,
+            (None, None) => return None,
+        })
+    }
+}
+
 /// What a twin is made of, whatever its model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Config {
@@ -181,6 +203,8 @@ pub struct Config {
     pub reference_switch: Option<Range<f64>>,
     /// Its limit switches are on outside of this, likewise.
     pub limit_switches: Option<Range<f64>>,
+    /// What its analog inputs are over time, by their numbers from 0 on, of a device that has some.
+    pub analog_inputs: Vec<(u8, Course)>,
     /// What is known of the real device where its manual is silent, by the names that its model has
     /// for it, such as a resolution; a twin takes what it is made of.
     pub assumed: Vec<(&'static str, u32)>,
@@ -206,6 +230,7 @@ impl Config {
             sensors: Vec::new(),
             reference_switch: None,
             limit_switches: None,
+            analog_inputs: Vec::new(),
             assumed: Vec::new(),
             dictionary: None,
         }

@@ -35,7 +35,8 @@ pub mod tsp10;
 pub mod twk_crn;
 
 pub use device::{
-    Axis, Config, Disturbance, ErrorClass, Kind, Observation, Ripple, Sensor, SimulatedDevice,
+    Axis, Config, Course, Disturbance, ErrorClass, Kind, Observation, Ripple, Sensor,
+    SimulatedDevice,
 };
 
 /// Every twin.
@@ -49,6 +50,7 @@ pub static TWINS: &[&Kind] = &[
     &tsp10::KIND,
     &cia401::KIND,
     &cia406::KIND,
+    &cia402_csp::VL_KIND,
 ];
 
 impl Kind {

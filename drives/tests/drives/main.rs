@@ -4,6 +4,7 @@ mod bus;
 mod bus_budget;
 mod cia401;
 mod cia402_csp;
+mod cia402_vl;
 mod common;
 mod lxm32m_dictionary;
 mod lxm32m_golden_vectors;

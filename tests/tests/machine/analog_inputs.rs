@@ -112,6 +112,40 @@ fn programs_read_them_at_their_place() {
     }
 }
 
+/// Whatever is wired to a simulated one, a program reads what it is then: a constant, or a course over time.
+#[test]
+fn simulated_ones_are_what_the_machine_file_says() {
+    let pressure = ("number = 3\n", "number = 3\nsimulated = [[0, 7.5]]\n");
+    let force = (
+        "number = 0\n",
+        "number = 0\nsimulated = [[0, -100], [6, 500]]\n",
+    );
+    let program = "G21 G90 F6000\nG1 X10\nM66 E3 L0\n(debug, #5399)\nM66 E0 L0\n(debug, #5399)\nG4 P2\n\
+                   M66 E0 L0\n(debug, #<_hal[force]>)\nG4 P20\nM66 E0 L0\n(debug, #5399)\nM2\n";
+    for more in [&[pressure, force][..], &[pressure, force, BY_EVENT]] {
+        let mut rig = wired(more, program);
+        assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+        let told = rig.messages.iter().map(|it| it.1.parse::<f64>().unwrap());
+        let told: Vec<f64> = told.collect();
+        let [pressure, soon, later, last] = told[..] else {
+            panic!("{told:?}")
+        };
+        assert!((pressure - 7.5).abs() < 1e-3, "{told:?}");
+        assert!(
+            soon >= -100.0 && (later - soon - 200.0).abs() < 3.0,
+            "{told:?}"
+        );
+        assert!((last - 500.0).abs() < 0.02, "{told:?}");
+        // Each row has what was told at its SYNC: 100 a second, and by event up to a cycle later.
+        let mut rows = rig.rows.windows(2);
+        let most = 2.0 * 100.0 * rig.machine.cycle.as_secs_f64() + 0.02;
+        assert!(rows.all(|it| {
+            let step = it[1].analog_inputs[1] - it[0].analog_inputs[1];
+            (0.0..=most).contains(&step)
+        }));
+    }
+}
+
 /// A program that asks at once goes on with -1; one that does not is the operator's, who goes on, and it finds -1 later.
 #[test]
 fn a_time_out_is_the_programs_where_it_asks() {

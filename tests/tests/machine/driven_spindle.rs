@@ -16,7 +16,7 @@ use syncline_tests::rig::Rig;
 use super::day::{assert_moves_within_limits, go, mdi, settle, state};
 
 /// Its place behind the drives of axes.
-const SPINDLE: usize = 3;
+pub(super) const SPINDLE: usize = 3;
 /// What `tolerance` of the example lets a speed differ by, and the resolution of what the drive tells, 1/min.
 const TOLERANCE: f64 = 0.03;
 const RESOLUTION: f64 = 0.1;
@@ -57,11 +57,11 @@ fn speeds(rig: &Rig) -> Vec<f64> {
 }
 
 /// How fast the spindle truly turns, 1/min.
-fn turns_at(rig: &mut Rig) -> f64 {
+pub(super) fn turns_at(rig: &mut Rig) -> f64 {
     rig.twin(SPINDLE).observe().velocity * 60.0
 }
 
-fn measured(row: &Row<COORDINATES>) -> f64 {
+pub(super) fn measured(row: &Row<COORDINATES>) -> f64 {
     row.spindle.unwrap().speed
 }
 
@@ -75,7 +75,7 @@ fn wanted(row: &Row<COORDINATES>) -> f64 {
 }
 
 /// Whenever the tool cuts, the spindle has its speed.
-fn assert_cuts_at_speed(rig: &Rig) {
+pub(super) fn assert_cuts_at_speed(rig: &Rig) {
     let cuts = |row: &&Row<COORDINATES>| {
         let feeds = row.plan.speed > 0.0 && row.plan.feed.is_finite();
         feeds && row.functions.spindle.turning != Turning::Off
@@ -91,7 +91,7 @@ fn assert_cuts_at_speed(rig: &Rig) {
 }
 
 /// The run is over, and neither axes nor spindle were let go in motion.
-fn assert_let_go_at_rest(rig: &mut Rig) {
+pub(super) fn assert_let_go_at_rest(rig: &mut Rig) {
     let standing = turns_at(rig).abs();
     assert!(standing < 1.0, "{standing} 1/min at the end");
     for drive in 0..=SPINDLE {
@@ -103,7 +103,7 @@ fn assert_let_go_at_rest(rig: &mut Rig) {
 
 // --- it turns as the program says ---
 
-const TWO_SPEEDS: &str =
+pub(super) const TWO_SPEEDS: &str =
     "G21 G90 G61\nM3 S2000\nG0 X10\nG1 X20 F1200\nM4 S500\nG1 X30\nM5\nG0 X0\nM2\n";
 
 #[test]
@@ -220,7 +220,7 @@ fn a_speed_beyond_the_limits_is_refused_when_the_program_is_checked() {
 }
 
 /// Whether the path rests because the spindle did not come to its speed.
-fn is_not_at_speed(rig: &mut Rig) -> bool {
+pub(super) fn is_not_at_speed(rig: &mut Rig) -> bool {
     let told = |event: &Event| {
         let reason = Pause::NotAtSpeed;
         matches!(event, Event::Paused { reason: told, .. } if *told == reason)
@@ -305,10 +305,10 @@ fn typed_lines_leave_it_on_and_disabling_stops_it_first() {
 
 // --- it is lost ---
 
-const CUT: &str = "G21 G90 G61\nM3 S2400\nG1 X150 F6000\nX-150\nX150\nM2\n";
+pub(super) const CUT: &str = "G21 G90 G61\nM3 S2400\nG1 X150 F6000\nX-150\nX150\nM2\n";
 
 /// Each way in which it is lost, and what is told of it.
-const LOSSES: [(Disturbance, &str); 6] = [
+pub(super) const LOSSES: [(Disturbance, &str); 6] = [
     (Disturbance::Fault(ErrorClass::StopAndSwitchOff), "EMCY"),
     (Disturbance::Fault(ErrorClass::SwitchOff), "EMCY"),
     (Disturbance::Mute(true), "no T_PDO in 2 cycles"),
@@ -648,7 +648,7 @@ fn a_lost_t_pdo_ages_what_is_measured() {
 // --- whatever the program ---
 
 #[derive(Clone, Copy, Debug)]
-enum Line {
+pub(super) enum Line {
     Turn(bool, u32),
     Speed(u32),
     Off,
@@ -657,7 +657,7 @@ enum Line {
     Dwell(f64),
 }
 
-fn line() -> impl Strategy<Value = Line> {
+pub(super) fn line() -> impl Strategy<Value = Line> {
     let speed = || select(vec![60u32, 100, 333, 1000, 2500, 3000]);
     prop_oneof![
         3 => (any::<bool>(), speed()).prop_map(|(reverse, speed)| Line::Turn(reverse, speed)),
@@ -671,7 +671,7 @@ fn line() -> impl Strategy<Value = Line> {
 
 /// The program's text, and the speeds that the spindle is told in turn: where nothing lies between two M-codes, the last
 /// one alone.
-fn program(lines: &[Line], mode: &str) -> (String, Vec<f64>) {
+pub(super) fn program(lines: &[Line], mode: &str) -> (String, Vec<f64>) {
     let mut text = format!("G21 G91 {mode}\n");
     let (mut told, mut now) = (vec![0.0], 0.0);
     let (mut last, mut sign, mut way) = (0.0, 0.0, 1.0);

@@ -72,6 +72,7 @@ mod user_codes;
 mod validate;
 mod validation;
 mod velocity;
+mod velocity_mode_spindle;
 mod way_back;
 mod whole_day;
 mod wired;

@@ -20,8 +20,12 @@ use syncline_tests::rig::Rig;
 
 /// A portal with a flight recorder of so many seconds.
 fn recorded(seconds: u32) -> (Rig, PathBuf) {
+    recorded_with(seconds, &[])
+}
+
+fn recorded_with(seconds: u32, more: &[(&str, &str)]) -> (Rig, PathBuf) {
     let key = format!("[controller]\nflight_recorder_s = {seconds}\n");
-    let mut rig = ready_with(&[("[controller]\n", &key)]);
+    let mut rig = ready_with(&[&[("[controller]\n", &*key)], more].concat());
     let folder = FlightRecorder::folder(&rig.folder.path("machine.toml"));
     let recorder = FlightRecorder::new(&rig.machine, &rig.layout, folder.clone(), VIRTUAL_ORIGIN);
     if let Some(recorder) = recorder {
@@ -65,6 +69,43 @@ fn frames_of(log: &Path) -> (BTreeMap<u32, Vec<Frame>>, Duration, Duration) {
     }
     assert!(times.is_sorted());
     (frames, times[0], times[times.len() - 1])
+}
+
+/// Analog inputs are in it as programs and the trace have them.
+#[test]
+fn analog_inputs_are_among_what_was_before() {
+    let wired = "[[io]]\nname = \"cabinet\"\nbus = \"portal\"\nnode = 9\nmodel = \"cia401\"\n\
+                 [[input]]\nname = \"pressure\"\nio = \"cabinet\"\nsignal = \"AI1\"\nfull_scale = 10\nnumber = 3\n\
+                 simulated = [[0, 2], [20, 6]]\n\n[machine]\n";
+    let (mut rig, _) = recorded_with(1, &[("[machine]\n", wired)]);
+    fail(&mut rig, 2);
+    let [files] = &rig.recorded[..] else {
+        panic!("{:?} {:?}", rig.recorded, rig.problems);
+    };
+    let table = fs::read_to_string(files.csv()).unwrap();
+    let mut lines = table.lines().skip_while(|line| line.starts_with('#'));
+    let column = lines
+        .next()
+        .unwrap()
+        .split(',')
+        .position(|it| it == "input_pressure");
+    let cell = |line: &str| {
+        line.split(',')
+            .nth(column.unwrap())
+            .unwrap()
+            .parse::<f64>()
+            .unwrap()
+    };
+    let told: Vec<f64> = lines.map(cell).collect();
+    assert!(told.is_sorted() && told.len() > 100, "{}", told.len());
+    // It rises by 0.2 a second.
+    let rise = told[told.len() - 1] - told[0];
+    let lasted = (told.len() - 1) as f64 * rig.machine.cycle.as_secs_f64();
+    assert!((rise - 0.2 * lasted).abs() < 0.002, "{rise} in {lasted} s");
+    assert_eq!(
+        told[told.len() - 1],
+        rig.rows.last().unwrap().analog_inputs[0]
+    );
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! A tool setter: tools measured by programs, and contact that nobody meant.
 
 use proptest::prelude::*;
-use syncline_controller::control::{End, Event, Fault};
+use syncline_controller::control::{End, Event, Fault, KnownBy};
 use syncline_controller::machine::Machine;
 use syncline_controller::program::Programs;
 use syncline_controller::session::{Command, Jog};
@@ -77,6 +77,38 @@ proptest! {
         let off = if is_captured { 0.0005 } else { 0.002 };
         prop_assert!((found - length).abs() <= off, "{} for {}", found, length);
         prop_assert!((z - (found - 60.0)).abs() < 1e-5, "{} with {}", z, found);
+    }
+}
+
+/// Z captures a probe beside it: each is as exact as it is alone, contacts that come and those that are lost.
+#[test]
+fn a_probe_at_the_same_drive_is_captured_as_well() {
+    let beside = |program: &str| {
+        let probe = "[[input]]\nname = \"probe\"\ndrive = \"up-down\"\nsignal = \"DI1\"\nfunction = \"probe\"\n\
+                     [[simulation.workpiece]]\nname = \"table\"\nshape = \"box\"\nx = [-10, 10]\ny = [-10, 10]\nz = [-90, -61.2345]\n";
+        let wired = format!("{probe}{}", wired("DI0", 33.3));
+        Rig::new("xyz", &[("[model.lxm32m]", &wired)], program, |_, _| ())
+    };
+    // Fast, so that samples would not do.
+    let moves = "G21 G90\nG0 X0 Y0\nG38.2 Z-80 F600\n(debug, #5063)\nG38.4 Z-50 F600\n(debug, #5063)\nG0 Z0\n\
+                 G0 X80 Y-40\nG38.2 Z-80 F600\n(debug, #5063)\nG38.4 Z-20 F600\n(debug, #5063)\nG0 Z0\n\
+                 G0 X0 Y0\nG38.2 Z-80 F600\n(debug, #5063)\nM2\n";
+    let mut rig = beside(moves);
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    let known = rig.events.iter().filter_map(|event| match event {
+        Event::Probed { found, .. } => found.map(|(_, by)| by),
+        _ => None,
+    });
+    assert_eq!(known.collect::<Vec<_>>(), [KnownBy::Captured; 5]);
+    let places = [-61.2345, -61.2345, -36.7, -36.7, -61.2345];
+    let found = rig
+        .messages
+        .iter()
+        .map(|told| told.1.parse::<f64>().unwrap());
+    let found: Vec<f64> = found.collect();
+    assert_eq!(found.len(), places.len(), "{found:?}");
+    for (z, place) in found.iter().zip(places) {
+        assert!((z - place).abs() < 0.0005, "{z} for {place}");
     }
 }
 

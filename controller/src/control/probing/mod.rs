@@ -186,7 +186,7 @@ impl<const N: usize> Controller<N> {
         if let Err(failure) = begun {
             return self.probing_failed(failure);
         }
-        self.tell_captures(next.probe, DeviceNode::arm_capture);
+        self.tell_captures(next.probe, DeviceNode::arm_captures);
         self.probing.paused = false;
         self.probing.from = self.planned.position;
         self.probing.samples = Samples::none();
@@ -195,7 +195,11 @@ impl<const N: usize> Controller<N> {
     }
 
     /// Has every drive that captures what the probing looks for do `what` about it.
-    fn tell_captures(&mut self, probe: Probe, what: fn(&mut DeviceNode, &'static Capture)) {
+    fn tell_captures(
+        &mut self,
+        probe: Probe,
+        what: fn(&mut DeviceNode, [Option<&'static Capture>; 2]),
+    ) {
         for (node, captures) in self.nodes.iter_mut().zip(&self.layout.probe_captures) {
             if let Some(captures) = captures {
                 what(node, captures.of(probe.away));
@@ -246,7 +250,7 @@ impl<const N: usize> Controller<N> {
             Stage::Stopping if rests => match self.settle() {
                 Ok(true) => {
                     self.probing.stage = Stage::Reading;
-                    self.tell_captures(next.probe, DeviceNode::ask_captured);
+                    self.tell_captures(next.probe, DeviceNode::ask_first_captured);
                 }
                 Ok(false) => {}
                 Err(failure) => self.probing_failed(failure),

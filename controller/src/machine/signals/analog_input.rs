@@ -2,6 +2,7 @@
 
 use super::{Wire, Wiring};
 use std::ops::Range;
+use syncline_drives::twin::Course;
 use syncline_gcode::ANALOG_INPUTS;
 use syncline_strict_toml::{Log, Table};
 use toml::Spanned;
@@ -19,6 +20,8 @@ pub struct AnalogInput {
     pub full_scale: f64,
     /// E of M66, below [`ANALOG_INPUTS`]; no two have the same.
     pub number: u8,
+    /// What it is over time where its node is simulated: seconds since that was switched on, and its value then.
+    pub simulated: Vec<(f64, f64)>,
 }
 
 impl AnalogInput {
@@ -27,6 +30,14 @@ impl AnalogInput {
     pub fn scaled(&self, value: i16) -> f64 {
         f64::from(value) / f64::from(i16::MAX) * self.full_scale
     }
+
+    /// What a simulated node tells over time; `None` where that is not stated.
+    #[must_use]
+    pub fn course(&self) -> Option<Course> {
+        let told = |&(at, value): &(f64, f64)| (at, value / self.full_scale * f64::from(i16::MAX));
+        let points: Vec<_> = self.simulated.iter().map(told).collect();
+        (!points.is_empty()).then_some(Course(points))
+    }
 }
 
 /// An analog input as the file has it.
@@ -34,7 +45,11 @@ pub(super) struct AnalogInputTable {
     pub(super) wire: Wire,
     full_scale: f64,
     number: Spanned<i64>,
+    simulated: Vec<(f64, f64)>,
 }
+
+/// The latest time at which a simulated value changes, s.
+const LATEST: f64 = 1e6;
 
 impl AnalogInputTable {
     pub(super) fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Self> {
@@ -50,11 +65,20 @@ impl AnalogInputTable {
                 format!("allowed: `number`, E of M66, a whole number from 0 to {most}"),
             );
         }
+        let most = full_scale.as_ref().map_or(0.0, |it| *it.get_ref());
+        let allowed = format!(
+            "[[seconds, value], …], seconds ascending from 0 to {LATEST}, values from {} to {most}",
+            -most
+        );
+        let simulated = table.points_if(log, "simulated", &allowed, |at, value| {
+            (0.0..=LATEST).contains(&at) && value.abs() <= most
+        });
         table.finish(log);
         Some(Self {
             wire: wire?,
             full_scale: full_scale?.into_inner(),
             number: number?,
+            simulated: simulated.map_or_else(Vec::new, Spanned::into_inner),
         })
     }
 }
@@ -70,6 +94,7 @@ pub(super) fn join(
         wire,
         full_scale,
         number,
+        simulated,
     } in tables
     {
         let Some((node, place)) = wire.resolve(log, wiring, |model| model.analog_inputs) else {
@@ -103,6 +128,7 @@ pub(super) fn join(
             place,
             full_scale,
             number: own,
+            simulated,
         });
     }
     inputs

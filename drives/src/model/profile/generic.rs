@@ -92,6 +92,16 @@ pub(in crate::model) struct Kind {
     pub(in crate::model) mode: u8,
     /// What the R_PDO brings behind the controlword, as it is mapped.
     pub(in crate::model) setpoint: u32,
+    /// What the T_PDO brings behind the statusword, likewise.
+    pub(in crate::model) actual: u32,
+}
+
+/// 6064h, mapped.
+pub(in crate::model) const POSITION: u32 = 0x6064_0020;
+
+/// Bytes of a PDO of a 16-bit word and that object, as it is mapped.
+const fn bytes(object: u32) -> u8 {
+    2 + (object & 0xFF) as u8 / 8
 }
 
 /// What is known of every generic drive before it is made; one has abilities and assumptions of its own beside.
@@ -145,14 +155,14 @@ pub(in crate::model) fn spec(
     NodeSpec {
         identity: identity(assumed, kind),
         history: cia402::HISTORY.to_vec(),
-        // Statusword and actual position, and the torque.
+        // Statusword and actual value, and the torque.
         t_pdos: vec![communication::t_pdo(
             t_pdo,
             node,
-            if tells_torque(settings) { 8 } else { 6 },
+            bytes(kind.actual) + if tells_torque(settings) { 2 } else { 0 },
         )],
         // Controlword and setpoint.
-        r_pdos: vec![communication::r_pdo(r_pdo, node, 6)],
+        r_pdos: vec![communication::r_pdo(r_pdo, node, bytes(kind.setpoint))],
         ..NodeSpec::new(model, settings, setup, cia402::is_command)
     }
 }
@@ -166,7 +176,8 @@ fn identity(assumed: &Assumed, kind: Kind) -> Vec<Identity> {
     let mut identity = vec![reads(0x1000, 0, "device type", 402).in_bits(0xFFFF)];
     identity.extend(maker(assumed));
     identity.push(reads(0x6502, 0, "supported drive modes", mode).in_bits(mode));
-    if assumed.value(&HAS_RESOLUTION) != 0 {
+    // What tells no position counts none.
+    if kind.actual == POSITION && assumed.value(&HAS_RESOLUTION) != 0 {
         let encoder_increments = assumed.value(&ENCODER_INCREMENTS);
         identity.extend([
             reads(0x608F, 1, "encoder increments", encoder_increments),
@@ -235,7 +246,7 @@ fn mapping(assumed: &Assumed, kind: Kind) -> [(u16, [u32; 2]); 2] {
     let [r_pdo, t_pdo] = [&R_PDO, &T_PDO].map(|pdo| number(assumed, pdo));
     [
         (parameter(0x1600, r_pdo), [0x6040_0010, kind.setpoint]),
-        (parameter(0x1A00, t_pdo), [0x6041_0010, 0x6064_0020]),
+        (parameter(0x1A00, t_pdo), [0x6041_0010, kind.actual]),
     ]
 }
 

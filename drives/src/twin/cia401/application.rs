@@ -18,7 +18,8 @@ impl Application for Module {
         &mut self.objects
     }
 
-    fn refresh(&mut self, _: Instant, row: Option<Row>) {
+    fn refresh(&mut self, now: Instant, row: Option<Row>) {
+        self.advance(now);
         self.publish();
         if row.is_some_and(|row| self.objects.entry(row).address.index == 0x6422) {
             self.show_sources();
@@ -80,7 +81,9 @@ impl Application for Module {
 }
 
 impl Firmware for Module {
-    fn run_until(&mut self, _: Instant) {}
+    fn run_until(&mut self, now: Instant) {
+        self.advance(now);
+    }
 
     fn outputs(&self) -> u16 {
         self.outputs

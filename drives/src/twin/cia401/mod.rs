@@ -27,7 +27,7 @@
 mod application;
 mod module;
 
-use super::device::{Config, Kind};
+use super::device::{Config, Course, Kind};
 use super::node::{Delays, Device};
 use super::random::Random;
 use crate::dictionary::CIA401;
@@ -57,6 +57,8 @@ pub struct TwinConfig {
     pub delays: Delays,
     /// Time from a reset until it is Pre-Operational.
     pub boot_time: Duration,
+    /// What analog inputs are over time, by their numbers from 0 on; the others are what they are set to.
+    pub analog_inputs: Vec<(u8, Course)>,
 }
 
 impl TwinConfig {
@@ -71,6 +73,7 @@ impl TwinConfig {
                 sdo: Duration::from_micros(300)..Duration::from_micros(2000),
             },
             boot_time: Duration::from_millis(100),
+            analog_inputs: Vec::new(),
         }
     }
 }
@@ -82,6 +85,7 @@ impl From<&Config> for TwinConfig {
             seed: config.seed,
             delays: config.delays_or(own.delays),
             boot_time: config.boot_time.unwrap_or(own.boot_time),
+            analog_inputs: config.analog_inputs.clone(),
             ..own
         }
     }
@@ -91,10 +95,11 @@ impl From<&Config> for TwinConfig {
 pub type Twin = Device<Module>;
 
 impl Device<Module> {
-    /// A node that has just been powered on, at the origin of time; nothing is wired to its inputs.
+    /// A node that has just been powered on, at the origin of time; nothing is wired to its inputs but what was asked for.
     #[must_use]
     pub fn new(config: TwinConfig) -> Self {
-        let module = Module::new(Dictionary::new(CIA401, config.node));
+        let objects = Dictionary::new(CIA401, config.node);
+        let module = Module::new(objects, config.analog_inputs);
         let options = Options {
             boot_time: config.boot_time,
             ..Options::default()

@@ -1,6 +1,8 @@
 //! Inputs and outputs behind the CANopen node, and the objects between them.
 
+use crate::twin::device::Course;
 use crate::twin::node::Tampering;
+use syncline_canopen::Instant;
 use syncline_canopen::dictionary::{Dictionary, Row};
 use syncline_canopen::emcy::{self, Emergency, register};
 
@@ -48,6 +50,8 @@ pub struct Module {
     inputs: u16,
     /// Values at the analog inputs.
     analog_inputs: [i16; ANALOG],
+    /// What they are over time, some of them.
+    courses: Vec<(u8, Course)>,
     /// What the inputs were when they were last looked at.
     seen: u16,
     analog_seen: [i16; ANALOG],
@@ -66,9 +70,10 @@ pub struct Module {
 }
 
 impl Module {
-    pub(super) fn new(objects: Dictionary) -> Self {
+    pub(super) fn new(objects: Dictionary, courses: Vec<(u8, Course)>) -> Self {
         Self {
             objects,
+            courses,
             tampering: Tampering::default(),
             inputs: 0,
             analog_inputs: [0; ANALOG],
@@ -105,6 +110,17 @@ impl Module {
     pub(super) fn set_analog_input(&mut self, input: u8, value: i16) {
         if let Some(own) = self.analog_inputs.get_mut(usize::from(input)) {
             *own = value;
+        }
+    }
+
+    /// Analog inputs that are wired to something become what that is.
+    pub(super) fn advance(&mut self, now: Instant) {
+        let seconds = now.as_nanos() as f64 * 1e-9;
+        for (input, course) in &self.courses {
+            let own = self.analog_inputs.get_mut(usize::from(*input));
+            if let (Some(own), Some(value)) = (own, course.at(seconds)) {
+                *own = libm::round(value) as i16;
+            }
         }
     }
 

@@ -5,7 +5,7 @@ use super::policy::Policies;
 use super::settings::{SWITCH_OFF, Settings};
 use super::{
     CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_VELOCITY, INTERPOLATED_POSITION,
-    PROFILE_VELOCITY, TwinConfig,
+    PROFILE_VELOCITY, TwinConfig, VELOCITY,
 };
 use crate::twin::device::{Disturbance, ErrorClass, Ripple};
 use crate::twin::node::Firmware;
@@ -34,7 +34,7 @@ pub(super) enum Motion {
     Follow(Segment),
     /// Its velocity goes to the one that the last SYNC brought, and stays there.
     Turn(Segment),
-    /// Its velocity goes to 60FFh with the profile's ramps.
+    /// Its velocity goes to 60FFh or 6042h with the profile's ramps.
     Profile,
 }
 
@@ -80,7 +80,7 @@ pub struct Drive {
     pub(super) settings: Settings,
     /// The one value of 6060h with which it follows setpoints.
     pub(super) mode: i64,
-    /// Increments/s of a unit of velocity.
+    /// Increments/s of a unit of velocity; of 6042h where there is no 604Ch.
     velocity_unit: f64,
     ripple: Option<Ripple>,
     pub(super) policies: Policies,
@@ -114,9 +114,11 @@ impl Drive {
         let mut drive = Self {
             settings: Settings::of(&objects),
             mode: config.mode.into(),
-            velocity_unit: config.velocity_unit.map_or(1.0, |[units, rpm]| {
-                f64::from(rpm) / 60.0 * counts / f64::from(units)
-            }),
+            velocity_unit: match (config.velocity_unit, i64::from(config.mode)) {
+                (Some([units, rpm]), _) => f64::from(rpm) / 60.0 * counts / f64::from(units),
+                (None, VELOCITY) => counts / 60.0,
+                (None, _) => 1.0,
+            },
             ripple: config.ripple,
             objects,
             servo: Servo::new(
@@ -173,16 +175,14 @@ impl Drive {
                 self.reference.velocity = velocity;
             }
             Motion::Profile => {
-                let [acceleration, deceleration] = self
-                    .settings
-                    .ramps
-                    .map(|ramp| ramp as f64 * self.velocity_unit);
+                let unit = self.velocity_unit();
+                let [acceleration, deceleration] = self.settings.ramps.map(|ramp| ramp * unit);
                 let limits = Limits {
                     velocity: f64::INFINITY,
                     acceleration,
                     deceleration,
                 };
-                let target = self.target_velocity();
+                let target = self.ramp_target();
                 self.reference
                     .towards_velocity(target, &limits, POSITION_STEP);
             }
@@ -199,14 +199,37 @@ impl Drive {
         1.0 + part * libm::sin(TAU * f64::from(periods) * (turns - turns.floor()))
     }
 
-    /// 60FFh, increments/s.
+    /// Increments/s of a unit of velocity.
+    fn velocity_unit(&self) -> f64 {
+        let has_factor = self.mode == VELOCITY && self.policies.has_dimension_factor;
+        let rpm = self.settings.dimension.filter(|_| has_factor);
+        let counts = self.servo.loops.increments_per_revolution;
+        rpm.map_or(self.velocity_unit, |rpm| rpm / 60.0 * counts)
+    }
+
+    /// 60FFh or 6042h, increments/s.
     fn target_velocity(&self) -> f64 {
-        self.settings.target_velocity as f64 * self.velocity_unit
+        self.settings.target_velocity as f64 * self.velocity_unit()
+    }
+
+    /// Where the ramp leads: in velocity mode not without controlword bit 6, and nowhere without bits 4 and 5.
+    fn ramp_target(&self) -> f64 {
+        let has = |bits| self.mode != VELOCITY || self.servo.controlword.has(bits);
+        if !has(Controlword::MODE_4 | Controlword::MODE_5) {
+            self.reference.velocity
+        } else if !has(Controlword::MODE_6) || self.servo.controlword.has(Controlword::HALT) {
+            0.0
+        } else {
+            self.target_velocity()
+        }
     }
 
     /// Whether its loops control a velocity, and no position.
     fn is_sent_velocities(&self) -> bool {
-        matches!(self.mode, PROFILE_VELOCITY | CYCLIC_SYNCHRONOUS_VELOCITY)
+        matches!(
+            self.mode,
+            VELOCITY | PROFILE_VELOCITY | CYCLIC_SYNCHRONOUS_VELOCITY
+        )
     }
 
     /// By how much the motor is away from the position reference, increments; 0 without one.
@@ -233,7 +256,7 @@ impl Drive {
         let period = self.settings.period.unwrap_or(since_last);
         let period = period.max(POSITION_STEP);
         match self.mode {
-            PROFILE_VELOCITY => {
+            VELOCITY | PROFILE_VELOCITY => {
                 self.motion = Motion::Profile;
                 return;
             }
@@ -294,7 +317,7 @@ impl Drive {
         }
         let is_in = window.is_some_and(|window| deviation <= window);
         self.target_reached = match self.mode {
-            PROFILE_VELOCITY => self.reference.velocity == self.target_velocity(),
+            VELOCITY | PROFILE_VELOCITY => self.reference.velocity == self.target_velocity(),
             _ => self.in_window.for_time(window_time, now, is_in),
         };
     }
@@ -335,7 +358,9 @@ impl Drive {
             true => 0,
             false => libm::round(reference) as i64 - position,
         };
-        let velocity = self.servo.velocity.velocity() / self.velocity_unit;
+        let unit = self.velocity_unit();
+        let velocity = self.servo.velocity.velocity() / unit;
+        let of_16_bits = |velocity: f64| i64::from(libm::round(velocity) as i16);
         let torque = self.servo.loops.mean_torque()
             / self.servo.loops.cascade.gains().continuous_torque
             * 1000.0;
@@ -350,6 +375,8 @@ impl Drive {
                     .into(),
             ),
             (0x6041, self.statusword().0.into()),
+            (0x6043, of_16_bits(self.reference.velocity / unit)),
+            (0x6044, of_16_bits(velocity)),
             (0x6061, self.settings.mode),
             // What turns on and on begins anew.
             (0x6064, (position as i32).into()),
@@ -374,7 +401,10 @@ impl Drive {
                 Statusword::TARGET_REACHED,
             ),
             (
-                follows && self.settings.target_is_limited,
+                match self.motion {
+                    Motion::Profile => self.settings.velocity_is_limited,
+                    _ => follows && self.settings.target_is_limited,
+                },
                 Statusword::INTERNAL_LIMIT,
             ),
             (
@@ -448,7 +478,10 @@ impl ServoFirmware for Drive {
     /// Lets the reference come to rest with the quick stop ramp.
     fn brake(&mut self) {
         if self.motion != Motion::Hold {
-            self.motion = Motion::Stop(self.settings.quick_stop_deceleration);
+            self.motion = Motion::Stop(match self.mode {
+                VELOCITY => self.settings.velocity_quick_stop * self.velocity_unit(),
+                _ => self.settings.quick_stop_deceleration,
+            });
         }
     }
 

@@ -1,15 +1,17 @@
 //! A simulated servo drive as the profile has it: CiA 402 in Cyclic Synchronous Position or Velocity, in Interpolated
-//! Position or in Profile Velocity.
+//! Position, in Profile Velocity or in velocity mode.
 //!
 //! A CANopen device by CiA 301's strict rules: PDOs are mapped while they are switched off. Its one
-//! operating mode is 8, or 3, 7 or 9 as [`TwinConfig::mode`] says. While it is enabled, and in mode 7 while controlword bit 4 is
+//! operating mode is 8, or 2, 3, 7 or 9 as [`TwinConfig::mode`] says. While it is enabled, and in mode 7 while controlword bit 4 is
 //! set, each SYNC sends its reference in a straight line from where it is to 607Ah, in mode 7 to 60C1h:1, within the
 //! period of 60C2h; there it rests until the next one. The loops
 //! run on the drive's own oscillator: nothing is locked to SYNC. Statusword bit 12 is set from the
 //! first SYNC in Operation Enabled on.
 //!
 //! In mode 9 each SYNC sends the velocity of the reference so to 60FFh, where it stays; nothing controls the position. In
-//! mode 3 its velocity goes to 60FFh with the ramps of 6083h and 6084h, whenever it is written.
+//! mode 3 its velocity goes to 60FFh with the ramps of 6083h and 6084h, whenever it is written. In mode 2 it goes to 6042h
+//! within 6046h with those of 6048h and 6049h, where controlword bits 4 and 5 are set; without bit 6, or with bit 8, to zero.
+//! Without bit 4 or 5 it stays. What 6042h counts 604Ch says.
 //!
 //! A drive that has no 60C2h takes the time between two SYNCs for it.
 //!
@@ -85,6 +87,16 @@ pub(super) static PV_KIND: Kind = Kind {
     ..KIND
 };
 
+/// The same in velocity mode.
+pub(super) static VL_KIND: Kind = Kind {
+    name: "cia402_vl",
+    title: "CiA 402 VL",
+    make: |config| Box::new(Twin::new(TwinConfig::in_mode(VELOCITY, config))),
+    ..KIND
+};
+
+/// 6060h: velocity mode.
+const VELOCITY: i64 = 2;
 /// 6060h: Profile Velocity.
 const PROFILE_VELOCITY: i64 = 3;
 
@@ -108,10 +120,10 @@ pub struct TwinConfig {
     pub dictionary: &'static [Entry],
     /// 1018h:1 and :2, where they are not the dictionary's.
     pub identity: [Option<u32>; 2],
-    /// Its operating mode: 3, 7, 8 or 9.
+    /// Its operating mode: 2, 3, 7, 8 or 9.
     pub mode: u32,
     /// What 60FFh and 606Ch count, and 6083h and 6084h in a second: so many units at so many revolutions a minute.
-    /// `None`: increments/s.
+    /// `None`: increments/s, in velocity mode 1/min.
     pub velocity_unit: Option<[u32; 2]>,
     /// Encoder increments per motor revolution: 608Fh:1.
     pub encoder_increments: u32,
@@ -198,6 +210,7 @@ impl TwinConfig {
             policies: Policies {
                 tells_following: config.assumed("tells_following") != Some(0),
                 interpolates: config.assumed("interpolates") != Some(0),
+                has_dimension_factor: config.assumed("has_dimension_factor") != Some(0),
                 ..match config.tolerant {
                     true => Policies::tolerant(),
                     false => own.policies,

@@ -21,6 +21,8 @@ pub struct Policies {
     pub tells_following: bool,
     /// Whether the velocity goes to 60FFh in a straight line within the period of SYNC in mode 9; otherwise at once.
     pub interpolates: bool,
+    /// Whether 604Ch says what 6042h counts; otherwise it counts as the drive is made.
+    pub has_dimension_factor: bool,
     /// Whether EMCY 0000h announces a fault reset.
     pub emcy_on_reset: bool,
 }
@@ -34,6 +36,7 @@ impl Default for Policies {
             following_error_is_fault: true,
             tells_following: true,
             interpolates: true,
+            has_dimension_factor: true,
             emcy_on_reset: true,
         }
     }

@@ -1,6 +1,6 @@
 //! What the objects say that the loops and the state machine go by.
 
-use super::INTERPOLATED_POSITION;
+use super::{INTERPOLATED_POSITION, VELOCITY};
 use crate::dictionary::CIA402_CSP;
 use syncline_canopen::Address;
 use syncline_canopen::dictionary::{Dictionary, Preset};
@@ -20,9 +20,16 @@ pub(super) struct Settings {
     pub(super) target: f64,
     /// It is outside of 607Dh.
     pub(super) target_is_limited: bool,
-    /// 60FFh, 6083h and 6084h, in units of velocity, and of them in a second.
+    /// 60FFh, or 6042h within 6046h in velocity mode, in units of velocity.
     pub(super) target_velocity: i64,
-    pub(super) ramps: [i64; 2],
+    /// 6042h is outside of 6046h.
+    pub(super) velocity_is_limited: bool,
+    /// 6083h and 6084h, or 6048h and 6049h, in units of velocity in a second.
+    pub(super) ramps: [f64; 2],
+    /// 604Ah, in units of velocity in a second.
+    pub(super) velocity_quick_stop: f64,
+    /// 604Ch, 1/min of a unit of 6042h; `None`: there is no such object.
+    pub(super) dimension: Option<f64>,
     /// 60C2h, seconds; `None`: there is no such object.
     pub(super) period: Option<f64>,
     /// 6065h, increments; `None`: not watched.
@@ -63,12 +70,30 @@ impl Settings {
             _ => value(0x607A, 0),
         };
         let limited = target.max(least).min(most);
+        // A difference of speeds in so many seconds.
+        let slope = |index| value(index, 1) as f64 / value(index, 2).max(1) as f64;
+        let asked = match mode {
+            VELOCITY => value(0x6042, 0),
+            _ => value(0x60FF, 0),
+        };
+        let target_velocity = match mode {
+            VELOCITY => amount_within(asked, [value(0x6046, 1), value(0x6046, 2)]),
+            _ => asked,
+        };
         Self {
             mode,
             target: limited as f64,
             target_is_limited: limited != target,
-            target_velocity: value(0x60FF, 0),
-            ramps: [value(0x6083, 0), value(0x6084, 0)],
+            target_velocity,
+            velocity_is_limited: target_velocity != asked,
+            ramps: match mode {
+                VELOCITY => [slope(0x6048), slope(0x6049)],
+                _ => [value(0x6083, 0) as f64, value(0x6084, 0) as f64],
+            },
+            velocity_quick_stop: slope(0x604A),
+            dimension: (objects.row(0x604C, 1))
+                .map(|_| value(0x604C, 1) as f64 / value(0x604C, 2) as f64)
+                .filter(|it| it.is_finite()),
             period: (objects.row(0x60C2, 1))
                 .map(|_| value(0x60C2, 1) as f64 * power_of_ten(value(0x60C2, 2))),
             following_error: window(0x6065),
@@ -81,6 +106,11 @@ impl Settings {
             abort_connection: value(0x6007, 0),
         }
     }
+}
+
+/// A speed whose amount is within these, unless it is 0, which stays so.
+fn amount_within(speed: i64, [least, most]: [i64; 2]) -> i64 {
+    speed.signum() * speed.abs().max(least).min(most)
 }
 
 /// What an object of the profile's table has after power-on.
