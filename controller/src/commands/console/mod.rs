@@ -24,6 +24,7 @@ use std::error::Error;
 use std::io::{self, IsTerminal};
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::mpsc;
 use syncline_gcode::Tables;
 
 /// Stay at a machine for a working day: jog, touch off, type lines, run programs, one after the other.
@@ -90,9 +91,14 @@ impl Args {
             mut written,
         } = self.real_time.open(&machine, logs)?;
         let timing = self.real_time.timing(&machine);
-        let timeline = RealTime::stay_on(&layout, world, ports, timing, |granted| {
-            eprintln!("{granted}");
+        let (started, granted) = mpsc::channel();
+        let timeline = RealTime::stay_on(&layout, world, ports, timing, move |granted| {
+            let _ = started.send(granted.to_string());
         })?;
+        // Before a screen is drawn, over which it would be written.
+        if let Ok(granted) = granted.recv() {
+            eprintln!("{granted}");
+        }
         let observers = Observers::new(&machine, None, None, false);
         let mut session = Session::staying_on(&layout, timeline, programs, observers);
         session.tell_remaining();
