@@ -4,7 +4,7 @@
 use std::fs::{self, File};
 use std::path::Path;
 use std::process::{Command, Stdio};
-use std::thread::sleep;
+use std::thread::{self, sleep};
 use std::time::{Duration, Instant};
 use syncline_tests::command::{Folder, ended, syncline};
 use syncline_tests::terminal::Terminal;
@@ -27,6 +27,12 @@ fn wait_until(what: &str, most: Duration, mut is_so: impl FnMut() -> bool) {
         assert!(begun.elapsed() < most, "{what}: not after {most:?}");
         sleep(Duration::from_millis(10));
     }
+}
+
+/// Sends the process SIGINT.
+fn interrupt(pid: &str) {
+    let killed = Command::new("kill").args(["-INT", pid]).status();
+    assert!(killed.unwrap().success());
 }
 
 /// Rows of a trace that is being written.
@@ -80,26 +86,27 @@ impl Run {
     }
 
     fn interrupt(&self) {
-        let pid = self.folder.read("pid");
-        let killed = Command::new("kill").args(["-INT", pid.trim()]).status();
-        assert!(killed.unwrap().success());
+        interrupt(self.folder.read("pid").trim());
     }
 }
 
 /// Ctrl-S holds the terminal's output back, and all that follows it.
+fn a_terminal_is_held(stop: impl FnOnce(&mut Run)) {
+    let mut run = Run::start("");
+    run.terminal.wait_for("keys: space");
+    run.moves();
+    run.terminal.press(b"\x13");
+    sleep(Duration::from_secs(2));
+    run.assert_stops(stop);
+}
+
+/// Both wait for most of their time, so they wait together.
 #[test]
 fn a_terminal_that_is_held() {
-    for by_key in [true, false] {
-        let mut run = Run::start("");
-        run.terminal.wait_for("keys: space");
-        run.moves();
-        run.terminal.press(b"\x13");
-        sleep(Duration::from_secs(2));
-        run.assert_stops(|run| match by_key {
-            true => run.terminal.press(b"q"),
-            false => run.interrupt(),
-        });
-    }
+    thread::scope(|scope| {
+        scope.spawn(|| a_terminal_is_held(|run| run.terminal.press(b"q")));
+        scope.spawn(|| a_terminal_is_held(|run| run.interrupt()));
+    });
 }
 
 /// The terminal is full from the beginning, and nobody reads it. Who does not read it here would not
@@ -112,53 +119,48 @@ fn a_terminal_that_is_not_read() {
 }
 
 /// What goes into a pipe that nobody reads; what is missing is told in the end.
+fn a_file_takes_nothing(option: &str) {
+    let folder = Folder::new();
+    let pipe = folder.path("pipe");
+    let made = Command::new("mkfifo").arg(&pipe).status();
+    assert!(made.unwrap().success());
+    // Open at both ends, so that nobody waits for the other.
+    let open = File::options().read(true).write(true).open(&pipe);
+    let mut child = syncline()
+        .arg("run")
+        .args([folder.machine("portal"), folder.file("p.ngc", PROGRAM)])
+        .args([Path::new(option), &pipe])
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    sleep(Duration::from_secs(8));
+    let begun = Instant::now();
+    interrupt(&child.id().to_string());
+    while begun.elapsed() < END && child.try_wait().unwrap().is_none() {
+        sleep(Duration::from_millis(20));
+    }
+    let in_time = begun.elapsed() < END;
+    // Nothing where it has ended.
+    let _ = child.kill();
+    assert!(in_time, "{option}: no end");
+    let output = child.wait_with_output().unwrap();
+    let (code, _, errors) = ended(&output);
+    assert_eq!(code, 130, "{option}: {errors}");
+    assert!(
+        errors.contains(&format!("{option} is incomplete")),
+        "{option}: {errors}"
+    );
+    drop(open);
+}
+
+/// They wait for most of their time, so they wait together.
 #[test]
 fn a_file_that_takes_nothing() {
-    for option in ["--trace", "--candump", "--pcapng"] {
-        let folder = Folder::new();
-        let pipe = folder.path("pipe");
-        assert!(
-            Command::new("mkfifo")
-                .arg(&pipe)
-                .status()
-                .unwrap()
-                .success()
-        );
-        // Open at both ends, so that nobody waits for the other.
-        let open = File::options().read(true).write(true).open(&pipe);
-        let mut child = syncline()
-            .arg("run")
-            .args([folder.machine("portal"), folder.file("p.ngc", PROGRAM)])
-            .args([Path::new(option), &pipe])
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        sleep(Duration::from_secs(8));
-        let pid = child.id().to_string();
-        let begun = Instant::now();
-        assert!(
-            Command::new("kill")
-                .args(["-INT", &pid])
-                .status()
-                .unwrap()
-                .success()
-        );
-        while begun.elapsed() < END && child.try_wait().unwrap().is_none() {
-            sleep(Duration::from_millis(20));
+    thread::scope(|scope| {
+        for option in ["--trace", "--candump", "--pcapng"] {
+            scope.spawn(move || a_file_takes_nothing(option));
         }
-        let in_time = begun.elapsed() < END;
-        // Nothing where it has ended.
-        let _ = child.kill();
-        assert!(in_time, "{option}: no end");
-        let output = child.wait_with_output().unwrap();
-        let (code, _, errors) = ended(&output);
-        assert_eq!(code, 130, "{option}: {errors}");
-        assert!(
-            errors.contains(&format!("{option} is incomplete")),
-            "{option}: {errors}"
-        );
-        drop(open);
-    }
+    });
 }

@@ -74,5 +74,4 @@ mod validation;
 mod velocity;
 mod velocity_mode_spindle;
 mod way_back;
-mod whole_day;
 mod wired;

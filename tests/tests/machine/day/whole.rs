@@ -3,12 +3,12 @@
 //! another program, off. Each step is held against what a
 //! person sees of it (status and events) and against what the plants behind the simulated drives did.
 
-use super::day::{
+use super::{
     assert_moves_within_limits, at, console_on_a_terminal, go, offset_of, positions, settle, state,
     work,
 };
-use super::homing::truth;
-use super::replayed;
+use crate::homing::truth;
+use crate::replayed;
 use std::thread;
 use std::time::Duration;
 use syncline_controller::control::{Event, State};
