@@ -123,7 +123,8 @@ impl Inputs {
         if let Some(error) = problem {
             return Err(NotValidated::Run(error));
         }
-        let (mut timeline, observers) = session.end();
+        let (mut timeline, mut observers) = session.end();
+        observers.observe_gains(&self.machine, |drive| timeline.gains(drive));
         let frames = Some(timeline.frames().result());
         let controller = timeline.controller();
         let (mut summary, report) = observers.finish(&self.machine, layout, controller, frames)?;

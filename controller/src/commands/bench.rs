@@ -537,7 +537,7 @@ fn html(what: &str, facts: &[(String, String)], distributions: &[timing::Distrib
         distributions: distributions.to_vec(),
         ..Report::default()
     }
-    .to_html()
+    .to_html(None)
 }
 
 /// Threads that keep every processor and its caches busy.

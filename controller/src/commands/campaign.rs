@@ -304,7 +304,7 @@ impl Args {
     /// Plays one case and tells what happens.
     fn one(&self, case: &Case) -> Result<bool, Box<dyn Error>> {
         let mut claims = Claims::default();
-        let mut results = self.output.open(&mut claims)?;
+        let mut results = self.output.open(&mut claims, None)?;
         let machine = case.machine.machine()?;
         let buses = machine.buses.iter().map(|bus| bus.name.clone());
         let wanted = Wanted {
@@ -360,8 +360,14 @@ impl Args {
         let good = outcome.violations.is_empty();
         if let Some(played) = outcome.played {
             let title = format!("a campaign's seed {}", case.seed);
-            let (summary, rows) = (&played.summary, played.report);
-            results.write(summary, rows, Path::new("campaign"), title, Target::begin)?;
+            let (mut summary, rows) = (played.summary, played.report);
+            results.write(
+                &mut summary,
+                rows,
+                Path::new("campaign"),
+                title,
+                Target::begin,
+            )?;
         }
         Ok(good)
     }

@@ -1,12 +1,13 @@
 //! `syncline eds`: a node's electronic data sheet.
 
+use super::calendar::Utc;
 use super::tool::NodeOfTwin;
 use super::{Exit, bad_input, input};
 use crate::machine::{Machine, Node};
 use std::error::Error;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::SystemTime;
 use syncline_canopen::dictionary::Entry;
 use syncline_canopen::eds::{Difference, Eds};
 use syncline_drives::model::Model;
@@ -146,7 +147,7 @@ impl From<&'static Kind> for Device {
 fn data_sheet(device: &Device) -> Eds {
     let mut eds = Eds::of(device.dictionary);
     let pair = |key: &str, value: &str| (key.to_owned(), value.to_owned());
-    let (date, time) = date_and_time(SystemTime::now());
+    let (date, time) = Utc::of(SystemTime::now()).cia_306();
     let author = concat!("syncline ", env!("CARGO_PKG_VERSION"));
     eds.file = vec![
         pair("FileName", &format!("{}.eds", device.name)),
@@ -180,35 +181,6 @@ fn data_sheet(device: &Device) -> Eds {
     eds
 }
 
-/// An instant in UTC as CiA 306 writes it: month, day and year, and the time on a clock of 12 hours.
-fn date_and_time(instant: SystemTime) -> (String, String) {
-    let since_1970 = instant.duration_since(UNIX_EPOCH).unwrap_or_default();
-    let minutes = since_1970.as_secs() / 60 % (24 * 60);
-    let (hour, minute) = (minutes / 60, minutes % 60);
-    let half = if hour < 12 { "AM" } else { "PM" };
-    let mut days = since_1970.as_secs() / (24 * 3600);
-    let is_leap =
-        |year: u64| year.is_multiple_of(4) && !year.is_multiple_of(100) || year.is_multiple_of(400);
-    let mut year = 1970;
-    while days >= 365 + u64::from(is_leap(year)) {
-        days -= 365 + u64::from(is_leap(year));
-        year += 1;
-    }
-    let february = 28 + u64::from(is_leap(year));
-    let mut month = 1;
-    for length in [31, february, 31, 30, 31, 30, 31, 31, 30, 31, 30] {
-        if days < length {
-            break;
-        }
-        days -= length;
-        month += 1;
-    }
-    (
-        format!("{month:02}-{:02}-{year}", days + 1),
-        format!("{:02}:{minute:02}{half}", (hour + 11) % 12 + 1),
-    )
-}
-
 /// Prints the file as it is, with the ends of lines that CiA 306 wants.
 fn write(eds: &Eds) -> Exit {
     let mut stdout = io::stdout();
@@ -229,25 +201,4 @@ fn differences(device: &Device, file: &Path) -> Result<Vec<Difference>, Box<dyn 
     let theirs = Eds::parse(&String::from_utf8_lossy(&bytes));
     let theirs = theirs.map_err(|error| format!("{}: {error}", file.display()))?;
     Ok(data_sheet(device).compare(&theirs))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::time::Duration;
-
-    #[test]
-    fn dates_are_those_of_the_calendar() {
-        for (seconds, date, time) in [
-            (0, "01-01-1970", "12:00AM"),
-            (951_782_400, "02-29-2000", "12:00AM"),
-            (951_868_799, "02-29-2000", "11:59PM"),
-            (1_735_689_599, "12-31-2024", "11:59PM"),
-            (1_740_829_500, "03-01-2025", "11:45AM"),
-            (4_107_542_400, "03-01-2100", "12:00AM"),
-        ] {
-            let instant = UNIX_EPOCH + Duration::from_secs(seconds);
-            assert_eq!(date_and_time(instant), (date.into(), time.into()));
-        }
-    }
 }

@@ -25,6 +25,7 @@ macro_rules! eprintln {
 
 mod bench;
 mod budget;
+mod calendar;
 mod campaign;
 mod check;
 mod command_log;
@@ -41,6 +42,7 @@ mod log_files;
 mod merge;
 mod monitor;
 mod nmt;
+mod origin;
 mod output;
 mod plan;
 mod ports;

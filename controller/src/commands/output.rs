@@ -1,6 +1,7 @@
 //! What commands write: each file is opened before a command does anything else, and emptied only
 //! when it is written.
 
+use super::origin::Origin;
 use super::writers::Writers;
 use crate::machine::MachineState;
 use crate::observe::record::Report;
@@ -328,6 +329,7 @@ pub(super) struct Results {
     json: Option<Target>,
     trace: Option<Target>,
     report: Option<Target>,
+    origin: Option<Origin>,
 }
 
 impl Output {
@@ -336,12 +338,17 @@ impl Output {
         &self.json
     }
 
-    /// Opens the files.
-    pub(super) fn open(&self, claims: &mut Claims) -> Result<Results, NoOutput> {
+    /// Opens the files, of a run from there.
+    pub(super) fn open(
+        &self,
+        claims: &mut Claims,
+        origin: Option<Origin>,
+    ) -> Result<Results, NoOutput> {
         Ok(Results {
             json: claims.open(JSON, &self.json)?,
             trace: claims.open("--trace", &self.trace)?,
             report: claims.open("--report", &self.report)?,
+            origin,
         })
     }
 }
@@ -363,10 +370,10 @@ impl Results {
         Ok(trace.transpose()?.map(|trace| Box::new(trace) as Sink))
     }
 
-    /// Writes JSON and report; `begin` begins a file.
+    /// Writes JSON and report, with where they are from; `begin` begins a file.
     pub(super) fn write<W: Write>(
         self,
-        summary: &Summary,
+        summary: &mut Summary,
         report: Option<Report>,
         program: &Path,
         mode: String,
@@ -377,13 +384,16 @@ impl Results {
             file.write_all(text.as_bytes())?;
             file.flush()
         };
+        let (provenance, source) = self.origin.map(|it| (it.provenance, it.source)).unzip();
+        summary.provenance = provenance;
         if let Some(json) = self.json {
             put(json, serde_json::to_string_pretty(summary)? + "\n")?;
         }
         if let (Some(file), Some(mut report)) = (self.report, report) {
             report.program = program.display().to_string();
             report.mode = mode;
-            put(file, report.to_html())?;
+            report.source = source.unwrap_or_default();
+            put(file, report.to_html(Some(summary)))?;
         }
         Ok(())
     }

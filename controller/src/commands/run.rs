@@ -3,6 +3,7 @@
 use super::command_log::{CommandFile, CommandLog};
 use super::keys::{self, Keys};
 use super::log_files::LogFiles;
+use super::origin::Origin;
 use super::output::{Claims, Output, Results, Target};
 use super::ports::PortChoice;
 use super::progress::{Console, Messages, Screen, Way};
@@ -126,7 +127,8 @@ impl Args {
         let program = self.switches.program(&programs, &self.program)?;
         let extent = program.check(machine.rest())?;
         let mut claims = Claims::of_run(&self.machine, &self.program);
-        let results = self.output.open(&mut claims)?;
+        let origin = Origin::now(&self.machine, &self.program, machine.cycle);
+        let results = self.output.open(&mut claims, Some(origin))?;
         let logs = self.log.open(&mut claims)?;
         let commands = self.commands.open(&mut claims)?;
         if extent.sets_tables {
@@ -273,7 +275,7 @@ impl Run<'_> {
             problems.push(error.into());
         }
         let carried = lockstep.then(|| written.frames.result());
-        let (summary, mut rows) =
+        let (mut summary, mut rows) =
             observers.finish(&self.machine, &self.layout, &controller, carried)?;
         if let Some(report) = &mut rows {
             report.distributions = measured.distributions().to_vec();
@@ -286,7 +288,7 @@ impl Run<'_> {
         };
         let (program, mode) = (&self.args.program, mode.to_owned());
         let begin = |target| written.writers.begin(target);
-        let put = (self.results).write(&summary, rows, program, mode, begin);
+        let put = (self.results).write(&mut summary, rows, program, mode, begin);
         problems.extend(put.err());
         if let Some(stream) = self.claims.stream() {
             messages.conclude(stream, text);

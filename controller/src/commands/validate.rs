@@ -3,6 +3,7 @@
 use super::command_log::{CommandFile, CommandLog};
 use super::events::Events;
 use super::log_files::{LogFiles, Logs};
+use super::origin::Origin;
 use super::output::{Claims, Output, Results, Target};
 use super::progress::Way;
 use super::repeats::{self, Repeats};
@@ -13,7 +14,6 @@ use crate::control::fault::Names;
 use crate::control::{Event as MachineEvent, Layout};
 use crate::machine::{Machine, MachineState};
 use crate::observe::Observers;
-use crate::observe::record::Report;
 use crate::observe::summary::Summary;
 use crate::program::bounds::TimeBounds;
 use crate::program::{Extent, Program};
@@ -140,7 +140,8 @@ impl Args {
             }
             None => Events::default(),
         };
-        let results = self.output.open(&mut claims)?;
+        let origin = Origin::now(&self.machine, self.program(), machine.cycle);
+        let results = self.output.open(&mut claims, Some(origin))?;
         let commands = self.commands.open(&mut claims)?;
         let logs = self.log.open(&mut claims)?;
         if let Some(beginning) = program.beginning(machine.rest())? {
@@ -249,14 +250,15 @@ impl Args {
         if let Some(error) = failure {
             report(&*error);
         }
-        let (mut timeline, observers) = session.end();
+        let (mut timeline, mut observers) = session.end();
+        observers.observe_gains(&machine, |drive| timeline.gains(drive));
         let logged = timeline.frames().finish_log();
         let frames = Some(timeline.frames().result());
         let controller = timeline.controller();
-        let (mut summary, mut rows) = observers.finish(&machine, &layout, controller, frames)?;
-        self.complete(&mut summary, &machine, again.as_ref(), rows.as_mut())?;
+        let (mut summary, rows) = observers.finish(&machine, &layout, controller, frames)?;
+        self.complete(&mut summary, &machine, again.as_ref())?;
         let title = format!("validated in virtual time, seed {}", self.seed);
-        results.write(&summary, rows, self.program(), title, Target::begin)?;
+        results.write(&mut summary, rows, self.program(), title, Target::begin)?;
         claims.tell(&summary.to_string());
         logged?;
         Ok(summary)
@@ -269,7 +271,6 @@ impl Args {
         summary: &mut Summary,
         machine: &Machine,
         program: Option<&Program>,
-        report: Option<&mut Report>,
     ) -> Result<(), Box<dyn Error>> {
         summary.seed = Some(self.seed);
         let Some(program) = program else {
@@ -283,10 +284,6 @@ impl Args {
             seed: self.seed,
         };
         summary.cause = again.cause(machine, summary)?;
-        if let (Some(cause), Some(report)) = (&summary.cause, report) {
-            let fact = ("cause".to_owned(), cause.to_string());
-            report.facts.insert(0, fact);
-        }
         Ok(())
     }
 

@@ -50,14 +50,21 @@ impl Simulation {
     /// What each of its motors moves, with a power stage of its own; `None`: what its drive's model has.
     #[must_use]
     pub fn driven(&self) -> Option<FeedAxis> {
-        let Some(gantry) = &self.gantry else {
-            return Some(self.axis.clone());
-        };
-        let carried = gantry.carriage.as_ref().map_or(0.0, |it| it.mass);
-        gantry.motor_is_named.then(|| FeedAxis {
-            load: Some(0.5 * (gantry.beam.mass + carried)),
+        let names_motor = self.gantry.as_ref().is_none_or(|it| it.motor_is_named);
+        names_motor.then(|| self.felt())
+    }
+
+    /// What each of its motors moves, where those of a gantry move as one.
+    #[must_use]
+    pub fn felt(&self) -> FeedAxis {
+        let half = self.gantry.as_ref().map(|gantry| {
+            let carried = gantry.carriage.as_ref().map_or(0.0, |it| it.mass);
+            0.5 * (gantry.beam.mass + carried)
+        });
+        FeedAxis {
+            load: half.or(self.axis.load),
             ..self.axis.clone()
-        })
+        }
     }
 }
 

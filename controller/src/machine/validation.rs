@@ -18,6 +18,10 @@ pub struct Validation {
     pub speed: f64,
     /// `rms_torque`: the greatest root mean square of a drive's torque, as a part of the continuous one.
     pub rms_torque: f64,
+    /// `phase_margin`: the least of any loop of a simulated drive, degrees; 0 where none is asked for.
+    pub phase_margin: f64,
+    /// `gain_margin`: the same of its gain, dB.
+    pub gain_margin: f64,
 }
 
 impl Default for Validation {
@@ -29,6 +33,8 @@ impl Default for Validation {
             torque: f64::INFINITY,
             speed: f64::INFINITY,
             rms_torque: f64::INFINITY,
+            phase_margin: 0.0,
+            gain_margin: 0.0,
         }
     }
 }
@@ -38,6 +44,15 @@ pub(super) fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Validation {
     let [contour_error, following_error, skew] =
         ["contour_error", "following_error", "skew"].map(&mut most);
     let rms_torque = table.positive_or(log, "rms_torque", f64::INFINITY, "(of the continuous one)");
+    let phase_margin = number_or(
+        log,
+        &mut table,
+        "phase_margin",
+        0.0,
+        0.0..=90.0,
+        "(degrees)",
+    );
+    let gain_margin = number_or(log, &mut table, "gain_margin", 0.0, 0.0..=60.0, "(dB)");
     let mut all_but = |key| {
         1.0 - number_or(
             log,
@@ -57,5 +72,7 @@ pub(super) fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Validation {
         torque,
         speed,
         rms_torque,
+        phase_margin,
+        gain_margin,
     }
 }

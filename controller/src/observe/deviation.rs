@@ -44,6 +44,17 @@ pub(super) struct Deviation {
     contour: Watch,
 }
 
+/// How far setpoint and tool were from the program's moves.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct OffPath {
+    /// The setpoint, mm.
+    pub(super) setpoint: f64,
+    /// The tool, mm: the contour error.
+    pub(super) tool: f64,
+    /// From the program's moves to the tool, mm, in X, Y and Z.
+    pub(super) by: [f64; 3],
+}
+
 /// The nearest place of the program's moves.
 struct Foot {
     /// How far it is, mm.
@@ -69,14 +80,14 @@ impl Deviation {
         }
     }
 
-    /// Takes what is seen at one SYNC; how far setpoint and tool are from the program's moves, mm, unless the axes
-    /// are off the path.
+    /// Takes what is seen at one SYNC; how far setpoint and tool are from the program's moves, unless the axes are off
+    /// the path.
     pub(super) fn observe(
         &mut self,
         observed: &Observed,
         time: f64,
         violations: &mut Vec<Violation>,
-    ) -> Option<[f64; 2]> {
+    ) -> Option<OffPath> {
         let Observed {
             row, actual, line, ..
         } = observed;
@@ -96,8 +107,9 @@ impl Deviation {
         let deviation = foot.as_ref().map_or(f64::INFINITY, |foot| foot.away);
         (self.trail).push(row.cycle, position, plan.velocity, actual);
         let reach = self.trail.reach() + CORNER * deviation;
-        let tool = foot.map_or(f64::INFINITY, |foot| {
-            from_stretch(observed.moves, &foot, reach, actual)
+        let nowhere = (f64::INFINITY, *actual);
+        let (tool, place) = foot.map_or(nowhere, |foot| {
+            from_stretch(observed.moves, &foot, reach, actual).unwrap_or(nowhere)
         });
         let at = Place { time, line: *line };
         self.setpoint.look(deviation, at);
@@ -120,7 +132,11 @@ impl Deviation {
         (self.contour).look(violations, at, tool, allowed, |_| {
             violation("contour_error", tool, allowed)
         });
-        Some([deviation, tool])
+        Some(OffPath {
+            setpoint: deviation,
+            tool,
+            by: [0, 1, 2].map(|at| actual[at] - place[at]),
+        })
     }
 
     /// Ends violations that go on.
@@ -176,22 +192,29 @@ fn nearest(observed: &Observed, point: &Position) -> Option<Foot> {
     nearest
 }
 
-/// Distance of a point from the program's moves up to `reach` on either side of a foot, mm: what crosses
-/// there from elsewhere does not count.
-fn from_stretch(moves: &Moves, from: &Foot, reach: f64, point: &Position) -> f64 {
-    let Some(curve) = moves.motion(from.tag).map(ProgramMove::curve) else {
-        return f64::INFINITY;
-    };
+/// The place of the program's moves up to `reach` on either side of a foot that is nearest to a point, with how far that is, mm:
+/// what crosses there from elsewhere does not count.
+fn from_stretch(
+    moves: &Moves,
+    from: &Foot,
+    reach: f64,
+    point: &Position,
+) -> Option<(f64, Position)> {
+    let curve = moves.motion(from.tag)?.curve();
     let length = curve.length();
     let (before, behind) = (from.along - reach, from.along + reach);
-    let (mut nearest, _) = foot(&curve, point, &(before.max(0.0)..behind.min(length)));
+    let (mut nearest, s) = foot(&curve, point, &(before.max(0.0)..behind.min(length)));
+    let mut place = curve.at(s).q;
     let mut look = |curve: &Curve<COORDINATES>, range: Range<f64>| {
         // Nothing of a line is nearer than its start by more than its end is from there.
         let start = curve.start();
         let skipped = matches!(curve, Curve::Line(_))
             && norm(&start, point) - norm(&start, &curve.end()) >= nearest;
         if !skipped {
-            nearest = nearest.min(foot(curve, point, &range).0);
+            let (away, s) = foot(curve, point, &range);
+            if away < nearest {
+                (nearest, place) = (away, curve.at(s).q);
+            }
         }
     };
     let (mut tag, mut left) = (from.tag, -before);
@@ -212,7 +235,7 @@ fn from_stretch(moves: &Moves, from: &Foot, reach: f64, point: &Position) -> f64
         look(&curve, 0.0..left.min(length));
         (tag, left) = (tag + 1, left - length);
     }
-    nearest
+    Some((nearest, place))
 }
 
 /// Distance of `point` from `curve`, mm; exact for points nearer than the curve's radius.

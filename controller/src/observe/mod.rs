@@ -8,8 +8,11 @@
 //! - [`axis_log`]: setpoint, position and torque of one axis, for who identifies it
 //! - [`deviation`]: setpoint and tool against the programmed geometry
 //! - `trail`: the path of the setpoints, which the drives are to follow
+//! - [`loops`]: how far the loops of simulated drives are from swinging
 //! - `drives`: torque and speed of simulated drives, skew and torque fight of gantries
 //! - [`travel`]: how far the tool has come along the program, and for how long it moved
+//! - [`places`]: where a run was worst
+//! - [`provenance`]: where a result is from
 //! - [`operations`]: what the time of motion went into, by tool and by operation
 //! - [`trace`]: every row as CSV
 //! - [`sampled`]: motion that is known by samples alone, against limits
@@ -27,8 +30,11 @@ mod drives;
 pub mod flight_recorder;
 pub mod frames;
 pub mod limits;
+pub mod loops;
 pub(crate) mod mapping;
 pub mod operations;
+pub mod places;
+pub mod provenance;
 pub mod record;
 pub mod sampled;
 pub mod sent;
@@ -42,14 +48,16 @@ pub mod travel;
 use crate::control::fault::Fault;
 use crate::control::layout::Layout;
 use crate::control::{Controller, End, Event, LostReference, Row};
-use crate::machine::{Axis, COORDINATES, Machine, Position};
+use crate::machine::{Axis, COORDINATES, Machine, Position, Validation};
 use crate::program::bounds::TimeBounds;
 use crate::program::{Extent, Moves, counted_speed};
 use axis_log::AxisLog;
 use deviation::Deviation;
 use drives::Drives;
 use limits::AxisWatches;
+use loops::LoopSummary;
 use operations::Operations;
+use places::{Places, Seen};
 use record::{Place, Report, Violation};
 use sent::SentSetpoints;
 use std::io;
@@ -58,6 +66,7 @@ use std::time::Duration;
 use summary::{AxisSummary, BusSummary, Stopped, Summary, Times};
 use switched::Switched;
 use syncline_drives::twin::Observation;
+use syncline_drives::twin::servo::cascade::Gains;
 use trace::{Sink, Trace};
 use travel::Travel;
 
@@ -97,9 +106,12 @@ pub struct Observers {
     deviation: Deviation,
     axes: Vec<AxisWatches>,
     drives: Drives,
+    loops: Vec<LoopSummary>,
+    tolerance: Validation,
     /// What the buses carried, where all of them can be heard.
     sent: Option<SentSetpoints>,
     operations: Operations,
+    places: Places,
     switched: Switched,
     violations: Vec<Violation>,
     trace: Option<Trace>,
@@ -132,11 +144,14 @@ impl Observers {
             travel: Travel::default(),
             deviation: Deviation::new(machine),
             drives: Drives::new(machine),
+            loops: Vec::new(),
+            tolerance: machine.validation,
             axes: (machine.axes.iter())
                 .map(|axis| AxisWatches::new(machine, axis))
                 .collect(),
             sent,
             operations: Operations::default(),
+            places: Places::default(),
             switched: Switched::default(),
             violations: Vec::new(),
             trace: trace.map(|file| Trace::begin(file, machine)),
@@ -207,6 +222,13 @@ impl Observers {
         self.operations.observe(row, time, line, moved);
         self.switched.observe(row, time);
         let off_path = self.deviation.observe(observed, time, &mut self.violations);
+        self.places.observe(&Seen {
+            at: self.last(),
+            off_path: off_path.map(|it| [it.setpoint, it.tool]),
+            feed: counted.0,
+            reached: row.plan.speed / row.plan.feed,
+            lasts: self.seconds(1),
+        });
         if let Some(sent) = &mut self.sent {
             sent.go_on_to(row.sync);
         }
@@ -240,6 +262,17 @@ impl Observers {
             time: self.seconds(self.next.saturating_sub(1)),
             line: self.line,
         }
+    }
+
+    /// Takes the gains of the simulated drives, by their index, as they are in the end.
+    pub fn observe_gains<'a>(
+        &mut self,
+        machine: &Machine,
+        gains: impl Fn(usize) -> Option<&'a Gains>,
+    ) {
+        let drives = 0..machine.drives.len();
+        let loops = drives.filter_map(|drive| Some(LoopSummary::of(machine, drive, gains(drive)?)));
+        self.loops = loops.collect();
     }
 
     /// How far the program has come, mm and degrees.
@@ -301,6 +334,9 @@ impl Observers {
                 violate(what.to_owned(), since, (count as f64, 0.0, unit));
             }
         }
+        let tolerance = self.tolerance;
+        let short = (self.loops.iter()).flat_map(|it| it.short_of(&tolerance));
+        self.violations.extend(short);
         (self.violations).sort_by(|one, other| one.time.total_cmp(&other.time));
     }
 
@@ -356,6 +392,7 @@ impl Observers {
         let cycle = self.cycle;
         let seconds = |cycles| seconds(cycle, cycles);
         let (operations, tools) = std::mem::take(&mut self.operations).times(seconds);
+        let (worst_places, slowest_places) = std::mem::take(&mut self.places).result();
         let summary = Summary {
             verdict,
             outcome: (controller.end())
@@ -367,6 +404,7 @@ impl Observers {
             time_bounds: self.time_bounds.take(),
             cause: None,
             seed: None,
+            provenance: None,
             cycles: self.cycles,
             late_setpoints: controller.late_setpoints(),
             frames_sha256: digest,
@@ -380,8 +418,11 @@ impl Observers {
             axes: self.axes.iter().map(AxisSummary::new).collect(),
             drives,
             gantries,
+            loops: std::mem::take(&mut self.loops),
             operations,
             tools,
+            worst_places,
+            slowest_places,
             switched: self.switched.states,
             violations: self.violations,
         };

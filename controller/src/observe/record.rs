@@ -1,5 +1,6 @@
 //! A run row by row, as its report shows it, and what must not be in it.
 
+use super::deviation::OffPath;
 use super::summary::Summary;
 use super::timing::Distribution;
 use crate::control::Row;
@@ -21,8 +22,8 @@ pub struct Report {
     pub outcome: String,
     /// Every violation, in order of time.
     pub violations: Vec<Violation>,
-    /// Name and value of what else there is to say, in order: motion time, cycles, late
-    /// setpoints, path length, deviation, bus load, frame hash, seed …
+    /// Name and value of what there is to say at once, in order: motion time, cycles, late setpoints, path length, bus
+    /// load …
     pub facts: Vec<(String, String)>,
     /// Time of each cycle's SYNC from the first motion, s.
     pub time: Vec<f64>,
@@ -30,6 +31,8 @@ pub struct Report {
     pub line: Vec<u32>,
     /// Speed of the tool along the path in each cycle, mm/s.
     pub feed: Vec<f64>,
+    /// What was asked for, after overrides, mm/s; not a number in rapids, at rest, and where A, B and C turn alone.
+    pub programmed: Vec<f64>,
     /// Speed in each cycle in which A, B and C turn alone, °/s.
     pub turning: Vec<f64>,
     /// Whether the tool moved at a programmed feed in each cycle, not in rapid or at rest.
@@ -39,8 +42,12 @@ pub struct Report {
     pub deviation: Vec<f64>,
     /// The same of the actual position, mm.
     pub contour_error: Vec<f64>,
+    /// From the programmed geometry to the actual position in X, Y and Z, mm.
+    pub off_path: Vec<[f64; 3]>,
     /// In the machine's order. X, Y and Z make the tool path.
     pub axes: Vec<AxisReport>,
+    /// The program's text.
+    pub source: String,
     /// Distributions of times: cycle time, wake-up latency, SYNC jitter.
     pub distributions: Vec<Distribution>,
 }
@@ -151,7 +158,7 @@ impl Report {
         line: u32,
         row: &Row<COORDINATES>,
         (speed, turns): (f64, bool),
-        off_path: Option<[f64; 2]>,
+        off_path: Option<OffPath>,
         coordinates: impl Iterator<Item = usize>,
     ) {
         self.time.push(time);
@@ -159,10 +166,21 @@ impl Report {
         self.feed.push(if turns { 0.0 } else { speed });
         self.turning.push(if turns { speed } else { 0.0 });
         let feed = row.plan.feed;
-        self.cutting.push(feed > 0.0 && feed.is_finite());
-        let [deviation, contour_error] = off_path.unwrap_or([f64::NAN; 2]);
-        self.deviation.push(deviation);
-        self.contour_error.push(contour_error);
+        let cuts = feed > 0.0 && feed.is_finite();
+        self.cutting.push(cuts);
+        // As F counts it, as the speed is.
+        let counted = speed / row.plan.speed;
+        let asked = cuts && !turns && counted.is_finite();
+        let programmed = if asked { feed * counted } else { f64::NAN };
+        self.programmed.push(programmed);
+        let off_path = off_path.unwrap_or(OffPath {
+            setpoint: f64::NAN,
+            tool: f64::NAN,
+            by: [f64::NAN; 3],
+        });
+        self.deviation.push(off_path.setpoint);
+        self.contour_error.push(off_path.tool);
+        self.off_path.push(off_path.by);
         for (axis, at) in self.axes.iter_mut().zip(coordinates) {
             axis.set.push(row.axes[at].set);
             axis.act.push(row.axes[at].act);
@@ -190,9 +208,6 @@ impl Report {
             fact("stopped", stopped.to_string());
         }
         fact("motion time", format!("{:.3} s", summary.times.motion_s));
-        for bound in summary.time_bounds.iter().flat_map(|it| &it.bounds) {
-            fact("time is bound by", bound.to_string());
-        }
         let others = summary.times.others();
         if !others.is_empty() {
             fact("other times", others);
@@ -200,36 +215,12 @@ impl Report {
         fact("cycles", summary.cycles.to_string());
         fact("late setpoints", summary.late_setpoints.to_string());
         fact("path length", summary.path.length());
-        fact(
-            "setpoints off the path",
-            format!("{:.4} mm", summary.path.max_deviation_mm),
-        );
-        fact(
-            "tool off the path",
-            format!("{:.4} mm", summary.path.max_contour_error_mm),
-        );
         fact("contour error", summary.path.contour_error());
-        for drive in &summary.drives {
-            fact(&format!("drive {}", drive.name), drive.to_string());
-        }
-        for gantry in &summary.gantries {
-            fact(&format!("gantry {}", gantry.axis), gantry.to_string());
-        }
-        for tool in &summary.tools {
-            fact(&format!("tool {}", tool.tool), tool.to_string());
-        }
-        for operation in &summary.operations {
-            let from = format!("operation from line {}", operation.line);
-            fact(&from, operation.to_string());
-        }
         for bus in &summary.bus {
             fact(
                 &format!("busiest cycle, {}", bus.name),
                 format!("{:.1} %", bus.peak_utilisation * 100.0),
             );
-        }
-        if let Some(digest) = &summary.frames_sha256 {
-            fact("frames, SHA-256", digest.clone());
         }
     }
 }

@@ -1,7 +1,10 @@
 //! The result of a run, for programs (`--json`) and for people.
 
 use super::limits::AxisWatches;
+use super::loops::LoopSummary;
 use super::operations::{Operation, ToolTime};
+use super::places::{SlowestPlace, WorstPlace};
+use super::provenance::Provenance;
 use super::record::{Place, Violation};
 use super::switched::SwitchedState;
 use crate::program::bounds::{BoundShare, STEP, TimeBounds};
@@ -22,6 +25,9 @@ pub struct Summary {
     /// The seed of a simulated run.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
+    /// Where the result is from; of what a command did.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub provenance: Option<Provenance>,
     /// Why an axis did not follow, where that was looked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cause: Option<Cause>,
@@ -52,12 +58,21 @@ pub struct Summary {
     /// The axes with two drives, where those are simulated.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub gantries: Vec<GantrySummary>,
+    /// The loops of simulated servo drives, as they are set in the end, in a validation.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub loops: Vec<LoopSummary>,
     /// The time of motion with each tool and each speed of the spindle, in order, where there is either.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub operations: Vec<Operation>,
     /// The time of motion with each tool, where there is one or a spindle.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub tools: Vec<ToolTime>,
+    /// Where the tool was furthest from the path, worst first: at most 100 places.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub worst_places: Vec<WorstPlace>,
+    /// The blocks that lost most time against their programmed feed, worst first: at most 100.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub slowest_places: Vec<SlowestPlace>,
     /// What M-codes switched, in order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub switched: Vec<SwitchedState>,
@@ -335,6 +350,9 @@ impl fmt::Display for Summary {
         }
         for gantry in &self.gantries {
             writeln!(f, "gantry {:<11} {gantry}", gantry.axis)?;
+        }
+        for loops in &self.loops {
+            writeln!(f, "loops {:<12} {loops}", loops.drive)?;
         }
         for tool in &self.tools {
             writeln!(f, "tool {:<13} {tool}", tool.tool)?;

@@ -1,11 +1,13 @@
 //! The page and its parts.
 
+use super::plot::{self, Along, Curve};
+use super::strips::{Mark, Strip, strips};
 use super::{
-    AxisReport, Report, Violation,
-    chart::{self, Line, Mark, Strip},
-    distribution,
+    AxisReport, Report, Summary, Violation, data, distribution,
     scale::{count, number},
+    spectrum, tables,
     toolpath::ToolPath,
+    worst,
 };
 use std::fmt::Write;
 
@@ -13,7 +15,7 @@ use std::fmt::Write;
 const LISTED: usize = 200;
 
 /// The whole file.
-pub(super) fn page(report: &Report) -> String {
+pub(super) fn page(report: &Report, summary: Option<&Summary>) -> String {
     let mut html = format!(
         "<!doctype html>\n<html lang=en>\n<head>\n<meta charset=utf-8>\n\
          <meta name=viewport content='width=device-width, initial-scale=1'>\n\
@@ -23,20 +25,53 @@ pub(super) fn page(report: &Report) -> String {
         escape(&report.program),
         include_str!("style.css")
     );
-    html += &head(report);
+    html += &head(report, summary);
     html += &violations(&report.violations);
+    let lines: Vec<&str> = report.source.lines().collect();
+    let of = |part: &dyn Fn(&Summary) -> String| summary.map(part).unwrap_or_default();
+    html += &of(&tables::bounds);
     html += &limits(&report.axes);
     html += &toolpath(report);
+    html += &of(&|it| {
+        let title = "Furthest from the path";
+        section(title, worst::cards(report, &lines, &it.worst_places))
+    });
     html += &path_over_time(report);
+    html += &of(&|it| tables::slowest(it, &lines));
     for axis in &report.axes {
         html += &axis_over_time(report, axis);
     }
+    html += &errors(report);
+    html += &of(&tables::outputs);
+    html += &of(&tables::tools);
+    html += &of(&tables::drives);
+    html += &of(&tables::loops);
     html += &distributions(report);
-    html + "</main>\n</body>\n</html>\n"
+    html += &of(&tables::about);
+    html += "</main>\n";
+    if !report.time.is_empty() {
+        html += &script(report);
+    }
+    html + "</body>\n</html>\n"
+}
+
+/// The cursor's bar, the rows, and what shows them.
+fn script(report: &Report) -> String {
+    // Memory is written to, which takes everything.
+    let packed = data::packed(report).unwrap_or_default();
+    format!(
+        "<div id=bar hidden><div><p id=where>Point at a plot or at the tool path.</p><p id=said></p></div>\
+         <div class=acts><span id=span></span>\
+         <button data-act=back title='back (←)'>◀</button><button data-act=on title='on (→)'>▶</button>\
+         <button data-act=closer title='closer (+)'>+</button><button data-act=wider title='wider (−)'>−</button>\
+         <button data-act=whole title='all of it (Esc)'>All</button></div></div>\n\
+         <script type='application/octet-stream' id=data>{packed}</script>\n<script>\n{}</script>\n",
+        include_str!("script.js")
+    )
 }
 
 /// Verdict, what ran, and the facts.
-fn head(report: &Report) -> String {
+fn head(report: &Report, summary: Option<&Summary>) -> String {
     let (class, word) = match report.verdict {
         "pass" => ("pass", "Pass"),
         "interrupted" => ("fail", "Interrupted"),
@@ -50,7 +85,9 @@ fn head(report: &Report) -> String {
         escape(&report.mode),
         escape(&report.outcome),
     );
-    for (name, value) in &report.facts {
+    let cause = summary.and_then(|it| it.cause.as_ref());
+    let cause = cause.map(|it| ("cause".to_owned(), it.to_string()));
+    for (name, value) in cause.iter().chain(&report.facts) {
         // A hash gets a line of its own.
         let class = if value.len() > 32 { " class=wide" } else { "" };
         _ = writeln!(
@@ -81,7 +118,8 @@ fn violations(violations: &[Violation]) -> String {
         };
         _ = writeln!(
             html,
-            "<tr><td>{}<td>{}<td class=n>{:.4} s<td class=n>{}<td class=n>{}<td class=n>{}</tr>",
+            "<tr data-time='{:.6}' tabindex=0><td>{}<td>{}<td class=n>{:.4} s<td class=n>{}<td class=n>{}<td class=n>{}</tr>",
+            violation.time,
             escape(&violation.what),
             escape(violation.axis.as_deref().unwrap_or("–")),
             violation.time,
@@ -98,7 +136,15 @@ fn violations(violations: &[Violation]) -> String {
     html + "</section>\n"
 }
 
-fn line(line: u32) -> String {
+/// The text of one of the program's lines.
+pub(super) fn line_text<'a>(lines: &[&'a str], line: u32) -> &'a str {
+    let place = line.checked_sub(1);
+    let text = place.and_then(|it| lines.get(it as usize));
+    text.copied().unwrap_or_default()
+}
+
+/// A line's number.
+pub(super) fn line(line: u32) -> String {
     if line == 0 {
         "–".into()
     } else {
@@ -179,135 +225,112 @@ fn toolpath(report: &Report) -> String {
     } else {
         views("", &whole);
     }
-    html + &path.legend() + "\n</section>\n"
+    html += &path.legend();
+    html + "<p class=quiet><label><input type=checkbox id=follows checked> Show the stretch that the plots show</label></p>\n</section>\n"
 }
 
 fn path_over_time(report: &Report) -> String {
-    let lines: Vec<f64> = report.line.iter().map(|line| f64::from(*line)).collect();
-    let strip = |title, unit, note, values, stepped| Strip {
-        title,
-        unit,
-        note,
-        lines: vec![Line {
-            class: "set",
-            name: "",
-            values,
-            stepped,
-        }],
-        limits: Vec::new(),
-    };
     let most = |values: &[f64]| {
-        let most = values.iter().copied().fold(0.0, f64::max);
-        format!("max {}", number(most))
+        let most = values.iter().copied().filter(|it| it.is_finite());
+        format!("max {}", number(most.fold(0.0, f64::max)))
     };
-    let mut strips = vec![strip(
-        "Feed",
-        "mm/s",
-        most(&report.feed),
-        &report.feed[..],
-        false,
-    )];
+    let feed = Strip::new("Feed", "mm/s", most(&report.feed), "feed");
+    let mut all = vec![feed.over("reached", "programmed", "programmed")];
+    all[0].lines[0].stepped = true;
     if report.turning.iter().any(|speed| *speed > 0.0) {
-        let note = most(&report.turning);
-        strips.push(strip(
-            "Feed of turns alone",
-            "°/s",
-            note,
-            &report.turning,
-            false,
-        ));
+        let title = "Feed of turns alone";
+        all.push(Strip::new(title, "°/s", most(&report.turning), "turning"));
     }
-    strips.push(strip("Program line", "", String::new(), &lines, true));
-    let all: Vec<Mark> = report.violations.iter().take(LISTED).map(mark).collect();
-    section(
-        "Along the path",
-        chart::strips("Feed and program line", &report.time, &strips, &all),
-    )
+    let errors = Strip::new(
+        "Contour error",
+        "mm",
+        most(&report.contour_error),
+        "contour_error",
+    );
+    all.push(errors.over("tool", "setpoint", "rounding"));
+    all.push(Strip::new("Program line", "", String::new(), "line").stepped());
+    let marks: Vec<Mark> = report.violations.iter().take(LISTED).map(mark).collect();
+    let plots = strips("Feed, contour error and program line", &all, &marks);
+    let listing = "<div class=program><h3>Program, with the greatest contour error of each block</h3><div id=listing tabindex=0><div></div></div></div>";
+    section("Along the path", plots + listing)
 }
 
 fn axis_over_time(report: &Report, axis: &AxisReport) -> String {
-    let strip = |title, unit, values, limit: f64, max: f64, stepped| Strip {
-        title,
-        unit,
-        note: format!("max {} · limit {}", number(max), number(limit)),
-        lines: vec![Line {
-            class: "set",
-            name: "",
-            values,
-            stepped,
-        }],
-        limits: vec![limit, -limit],
+    let column = |what: &str| format!("{}.{what}", axis.name);
+    let strip = |title, unit, what, limit: f64, max: f64| {
+        let note = format!("max {} · limit {}", number(max), number(limit));
+        Strip::new(title, unit, note, &column(what)).within(&[limit, -limit])
     };
-    let (least, most) = axis.limits.position;
+    let limits = &axis.limits;
+    let (least, most) = limits.position;
     let [position, velocity, acceleration, jerk] = axis.units;
-    let strips = [
-        Strip {
-            title: "Position",
-            unit: position,
-            note: format!("soft limits {} … {}", number(least), number(most)),
-            lines: vec![
-                Line {
-                    class: "act",
-                    name: "actual",
-                    values: &axis.act,
-                    stepped: false,
-                },
-                Line {
-                    class: "set",
-                    name: "set",
-                    values: &axis.set,
-                    stepped: false,
-                },
-            ],
-            limits: vec![least, most],
-        },
+    let soft = format!("soft limits {} … {}", number(least), number(most));
+    let all = [
+        Strip::new("Position", position, soft, &column("set"))
+            .over("set", "actual", &column("act"))
+            .within(&[least, most]),
         strip(
             "Velocity",
             velocity,
-            &axis.velocity,
-            axis.limits.velocity,
+            "velocity",
+            limits.velocity,
             axis.max_velocity,
-            false,
         ),
         strip(
             "Acceleration",
             acceleration,
-            &axis.acceleration,
-            axis.limits.acceleration,
+            "acceleration",
+            limits.acceleration,
             axis.max_acceleration,
-            false,
         ),
-        strip(
-            "Jerk",
-            jerk,
-            &axis.jerk,
-            axis.limits.jerk,
-            axis.max_jerk,
-            true,
-        ),
+        strip("Jerk", jerk, "jerk", limits.jerk, axis.max_jerk).stepped(),
         strip(
             "Following error",
             position,
-            &axis.following_error,
-            axis.limits.following_error,
+            "following_error",
+            limits.following_error,
             axis.max_following_error,
-            false,
         ),
     ];
-    let own: Vec<Mark> = report
-        .violations
-        .iter()
-        .filter(|violation| {
-            violation
-                .axis
-                .as_ref()
-                .is_none_or(|name| *name == axis.name)
-        })
-        .take(LISTED)
-        .map(mark)
-        .collect();
+    let is_own = |it: &&Violation| it.axis.as_ref().is_none_or(|name| *name == axis.name);
+    let own = report.violations.iter().filter(is_own).take(LISTED);
+    let own: Vec<Mark> = own.map(mark).collect();
     let title = format!("Axis {}", axis.name);
-    section(&title, chart::strips(&title, &report.time, &strips, &own))
+    section(&title, strips(&title, &all, &own))
+}
+
+/// How the errors are distributed, and what frequencies they have.
+fn errors(report: &Report) -> String {
+    let period = match report.time[..] {
+        [first, second, ..] => second - first,
+        _ => return String::new(),
+    };
+    let micrometres = |values: &[f64]| values.iter().map(|it| 1000.0 * it).collect::<Vec<_>>();
+    let mut plots = plot::bars(
+        "Contour error",
+        "µm",
+        &micrometres(&report.contour_error),
+        60,
+    );
+    for axis in &report.axes {
+        let unit = if axis.units[0] == "mm" { "µm" } else { "m°" };
+        let density = spectrum::of(&micrometres(&axis.following_error), period);
+        let curve = Curve {
+            class: "set",
+            name: "",
+            points: &density,
+        };
+        plots += &plot::curves(
+            &format!("Following error of {}, by frequency", axis.name),
+            ("Hz", &format!("{unit}/√Hz")),
+            (Along::Decades, Along::Decades),
+            &[curve],
+        );
+    }
+    match plots.is_empty() {
+        true => plots,
+        false => section("Errors", format!("<div class=pair>{plots}</div>")),
+    }
 }
 
 fn mark(violation: &Violation) -> Mark {
@@ -337,7 +360,8 @@ fn distributions(report: &Report) -> String {
     format!("<section>\n<h2>Times of the cycle</h2>\n<div class=pair>{cards}</div>\n</section>\n")
 }
 
-fn section(title: &str, content: String) -> String {
+/// A part of the page under a title; nothing without content.
+pub(super) fn section(title: &str, content: String) -> String {
     if content.is_empty() {
         return content;
     }

@@ -31,6 +31,12 @@ impl Scale {
         self.range.0 + share * (self.range.1 - self.range.0)
     }
 
+    /// Pixels of 0, and of 1 more.
+    pub(super) fn linear(&self) -> (f64, f64) {
+        let origin = self.at(0.0);
+        (origin, self.at(1.0) - origin)
+    }
+
     /// Round values inside the domain with their labels, `count` of them or a few more or less.
     pub(super) fn ticks(&self, count: usize) -> Vec<(f64, String)> {
         let (least, most) = self.domain;

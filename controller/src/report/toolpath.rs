@@ -13,8 +13,10 @@ const MARGIN: f64 = 56.0;
 const LETTER: f64 = 8.5;
 /// What is so much less than the rest is an encoder's noise, and not told.
 const NOISE: f64 = 1e-3;
-/// Points nearer than this to the last one drawn are left out, in tenths of pixels.
+/// Points nearer than this to the last one drawn are left out, in tenths of pixels; twice as far, and so on, where the
+/// path of a view would be longer than that, in bytes.
 const RESOLUTION: i32 = 4;
+const LONGEST: usize = 400_000;
 
 /// Slow to fast, readable on white and on black.
 const RAMP: [(u8, u8, u8); 5] = [
@@ -111,26 +113,11 @@ impl ToolPath {
     /// The path as `project` places it: one SVG path of all stretches of a shade, the slow ones
     /// above; rapids thinner and below.
     fn draw(&self, svg: &mut String, extents: &Extents, project: impl Fn(&Point) -> (f64, f64)) {
-        let mut drawn = [const { String::new() }; 2 * SHADES];
-        // The last point drawn, in tenths of pixels, and in which shade.
-        let mut pen: Option<((i32, i32), usize)> = None;
-        for ((point, speed), cutting) in self.points.iter().zip(&self.speed).zip(&self.cutting) {
-            if !contains(extents, point) {
-                pen = None;
-                continue;
-            }
-            let place = tenths(project(point));
-            let kind = self.shade(*speed) + if *cutting { SHADES } else { 0 };
-            let ((x, y), before) = pen.unwrap_or((place, usize::MAX));
-            let (dx, dy) = (place.0 - x, place.1 - y);
-            if before == kind && dx.abs().max(dy.abs()) < RESOLUTION {
-                continue;
-            }
-            if before != kind {
-                _ = write!(drawn[kind], "M{x} {y}");
-            }
-            _ = write!(drawn[kind], "l{dx} {dy}");
-            pen = Some((place, kind));
+        let mut resolution = RESOLUTION;
+        let mut drawn = self.stretches(extents, &project, resolution);
+        while drawn.iter().map(String::len).sum::<usize>() > LONGEST {
+            resolution *= 2;
+            drawn = self.stretches(extents, &project, resolution);
         }
         *svg += "<g transform='scale(.1)'>";
         for (class, kinds) in [("path rapid", 0..SHADES), ("path", SHADES..2 * SHADES)] {
@@ -146,8 +133,57 @@ impl ToolPath {
         *svg += "</g>";
     }
 
+    /// The stretches of each shade of rapids, then those of cuts, with no points nearer to each other than that.
+    fn stretches(
+        &self,
+        extents: &Extents,
+        project: impl Fn(&Point) -> (f64, f64),
+        resolution: i32,
+    ) -> [String; 2 * SHADES] {
+        let mut drawn = [const { String::new() }; 2 * SHADES];
+        // The last point drawn, in tenths of pixels, and in which shade.
+        let mut pen: Option<((i32, i32), usize)> = None;
+        for ((point, speed), cutting) in self.points.iter().zip(&self.speed).zip(&self.cutting) {
+            if !contains(extents, point) {
+                pen = None;
+                continue;
+            }
+            let place = tenths(project(point));
+            let kind = self.shade(*speed) + if *cutting { SHADES } else { 0 };
+            let ((x, y), before) = pen.unwrap_or((place, usize::MAX));
+            let (dx, dy) = (place.0 - x, place.1 - y);
+            // Where the shade changes within that, the path goes on in the one before.
+            let goes_on = before == kind || (pen.is_some() && resolution > RESOLUTION);
+            if goes_on && dx.abs().max(dy.abs()) < resolution {
+                continue;
+            }
+            if before != kind {
+                _ = write!(drawn[kind], "M{x} {y}");
+            }
+            _ = write!(drawn[kind], "l{dx} {dy}");
+            pen = Some((place, kind));
+        }
+        drawn
+    }
+
     /// The outline only, as a shadow on the floor.
     fn shadow(&self, svg: &mut String, extents: &Extents, project: impl Fn(&Point) -> (f64, f64)) {
+        let mut resolution = 2 * RESOLUTION;
+        let mut d = self.outline(extents, &project, resolution);
+        while d.len() > LONGEST / 4 {
+            resolution *= 2;
+            d = self.outline(extents, &project, resolution);
+        }
+        _ = write!(svg, "<path class=shadow transform='scale(.1)' d='{d}'/>");
+    }
+
+    /// The whole path in one stroke, with no points nearer to each other than that.
+    fn outline(
+        &self,
+        extents: &Extents,
+        project: impl Fn(&Point) -> (f64, f64),
+        resolution: i32,
+    ) -> String {
         let mut d = String::new();
         let mut last: Option<(i32, i32)> = None;
         for point in &self.points {
@@ -158,21 +194,23 @@ impl ToolPath {
             let (x, y) = tenths(project(point));
             match last {
                 None => _ = write!(d, "M{x} {y}"),
-                Some((x0, y0)) if (x - x0).abs().max((y - y0).abs()) >= 2 * RESOLUTION => {
+                Some((x0, y0)) if (x - x0).abs().max((y - y0).abs()) >= resolution => {
                     _ = write!(d, "l{} {}", x - x0, y - y0);
                 }
                 Some(_) => continue,
             }
             last = Some((x, y));
         }
-        _ = write!(svg, "<path class=shadow transform='scale(.1)' d='{d}'/>");
+        d
     }
 
     /// X to the right, Y up.
     pub(super) fn above(&self, extents: &Extents) -> String {
         let [x, y, _] = *extents;
         let (sx, sy) = equal_scales(x, y, (MARGIN + 6.0, WIDTH - 14.0), (HEIGHT - 34.0, 14.0));
-        let mut svg = open("Tool path from above");
+        let ((x0, x1), (y0, y1)) = (sx.linear(), sy.linear());
+        let matrix = [x1, 0.0, 0.0, x0, 0.0, y1, 0.0, y0];
+        let mut svg = open("Tool path from above", &matrix);
         let ((left, right), (bottom, top)) = (sx.range, sy.range);
         for (tick, label) in sx.ticks(6) {
             let at = sx.at(tick);
@@ -233,7 +271,11 @@ impl ToolPath {
             (sx.at(across), sy.at(up))
         };
 
-        let mut svg = open("Tool path in space");
+        let ((x0, x1), (y0, y1)) = (sx.linear(), sy.linear());
+        let rise = [RISE * SIN * y1, RISE * COS * y1, LIFT * y1, y0];
+        let [a, b, c, d] = rise;
+        let matrix = [COS * x1, -SIN * x1, 0.0, x0, a, b, c, d];
+        let mut svg = open("Tool path in space", &matrix);
         for (a, b) in (0..8).flat_map(|a| [1, 2, 4].map(|bit| (a, a | bit))) {
             if a != b {
                 let ((xa, ya), (xb, yb)) = (project(&corners[a]), project(&corners[b]));
@@ -348,8 +390,13 @@ fn contains(extents: &Extents, point: &Point) -> bool {
     point.iter().zip(extents).all(inside)
 }
 
-fn open(label: &str) -> String {
-    format!("<svg class=view viewBox='0 0 {WIDTH} {HEIGHT}' role=img aria-label='{label}'>")
+/// A view, with what a point of the machine becomes on it: x and y, each of X, Y, Z and 1.
+fn open(label: &str, matrix: &[f64; 8]) -> String {
+    let matrix: Vec<String> = matrix.iter().map(|it| format!("{it:.9}")).collect();
+    format!(
+        "<svg class=view viewBox='0 0 {WIDTH} {HEIGHT}' data-matrix='{}' role=img aria-label='{label}'>",
+        matrix.join(" ")
+    )
 }
 
 /// Two scales with the same pixels per mm that hold both extents and fill the rectangle; `y` goes

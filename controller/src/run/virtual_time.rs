@@ -16,6 +16,7 @@ use std::sync::Arc;
 use syncline_canopen::Instant;
 use syncline_canopen::time::Duration;
 use syncline_drives::twin::Observation;
+use syncline_drives::twin::servo::cascade::Gains;
 use syncline_drives::world::{DeviceId, Observer, World};
 
 /// A machine of simulated drives and the controller, with programs to run.
@@ -207,6 +208,12 @@ impl<P: Port> VirtualMachine<P> {
     #[must_use]
     pub fn frames(&self) -> &SharedFrames {
         &self.frames
+    }
+
+    /// The gains of the drive with this index, if it is a servo drive.
+    #[must_use]
+    pub fn gains(&self, drive: usize) -> Option<&Gains> {
+        self.driver.world.device(self.drives[drive]?).gains()
     }
 }
 

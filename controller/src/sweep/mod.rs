@@ -12,5 +12,5 @@ mod run;
 
 pub use folder::{Folder, Manifest, SweepError, sha256};
 pub use plan::{Method, Plan, Variable, Vary};
-pub use result::{Findings, Table};
+pub use result::{Findings, Table, quoted};
 pub use run::Runs;

@@ -158,7 +158,8 @@ impl fmt::Display for Findings<'_> {
 }
 
 /// As a shell takes it for one word.
-fn quoted(word: &str) -> String {
+#[must_use]
+pub fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "/._-=,:+".contains(c);
     if !word.is_empty() && word.chars().all(plain) {
         word.to_owned()

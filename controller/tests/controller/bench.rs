@@ -141,7 +141,7 @@ fn the_parts_of_a_simulation_are_told_in_the_same_way() {
 /// Every model that moves an axis, each in a cycle that it takes; one that moves none is refused by name.
 #[test]
 fn every_model_of_a_drive_can_be_measured() {
-    for model in MODELS.iter().filter(|model| model.is_drive()) {
+    for model in MODELS.iter().filter(|model| model.moves_axes()) {
         let drives = format!("--model {} --axes 2", model.name);
         let found = json(&bench(
             &format!("cycle {drives} --period 4ms --duration 100ms --json"),
@@ -151,7 +151,7 @@ fn every_model_of_a_drive_can_be_measured() {
         assert_eq!(found["cycles"], 25, "{drives}");
         json(&bench(&format!("plant {drives} --steps 20 --json"), None));
     }
-    for model in MODELS.iter().filter(|model| !model.is_drive()) {
+    for model in MODELS.iter().filter(|model| !model.moves_axes()) {
         let refused = bench(&format!("cycle --model {}", model.name), None);
         let text = String::from_utf8_lossy(&refused.stderr).into_owned();
         assert_eq!(refused.status.code(), Some(2), "{text}");

@@ -28,6 +28,9 @@ pub trait SimulatedDevice: Node + Any + Send {
     /// What a master cannot know.
     fn observe(&self) -> Observation;
 
+    /// The gains of its loops, as its objects set them; of a servo drive.
+    fn gains(&self) -> Option<&Gains>;
+
     /// Interferes with it.
     fn disturb(&mut self, disturbance: Disturbance);
 

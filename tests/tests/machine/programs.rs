@@ -170,7 +170,12 @@ fn degrees_are_told_as_degrees() {
     assert!(validated.contains(" of 180 °/s, "), "{validated}");
     let report = folder.read("report.html");
     // No more than F1200 and a rapid for the tool, F5400 for the turn.
-    for part in [" mm and 90.0", "Feed of turns alone", "max 90<", "0 … 400"] {
+    for part in [
+        " mm and 90.0",
+        "Feed of turns alone",
+        "max 90&quot;",
+        "0 … 400",
+    ] {
         assert!(report.contains(part), "{part}");
     }
     let colours = report.split_once("class=legend").unwrap().1;

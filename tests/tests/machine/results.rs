@@ -145,3 +145,61 @@ fn a_stop_says_where_it_was_and_what_was_left() {
         (&"pass".into(), &Value::Null)
     );
 }
+
+/// The worst place is where the greatest error was, the blocks that are slower than their feed are those that are programmed so, and
+/// the files that it was made from are told by their digests.
+#[test]
+fn places_and_origin_are_told() {
+    let folder = Folder::new();
+    // A long move has time for its feed; short ones back and forth have none.
+    let program = "G61.1\nG1 X200 Y100 F6000\nG1 X201 F30000\nG1 X200\nG1 X201\nG0 X100\n\
+                   G2 X100 Y100 I10 F3000\nM2\n";
+    let program = folder.file("p.ngc", program);
+    let machine = folder.machine("portal");
+    let (json, _) = validate(&machine, &program, None);
+    assert_eq!(json["verdict"], "pass", "{json:#}");
+    let worst = json["worst_places"].as_array().unwrap();
+    assert_eq!(
+        number(&worst[0], "/contour_error_mm"),
+        number(&json, "/path/max_contour_error_mm")
+    );
+    for key in ["time_s", "line"] {
+        assert_eq!(worst[0][key], json["path"]["max_contour_error_at"][key]);
+    }
+    // The circle is where the tool leaves the path.
+    assert_eq!(worst[0]["line"], 7, "{worst:#?}");
+    let slowest = json["slowest_places"].as_array().unwrap();
+    let lines: Vec<_> = slowest
+        .iter()
+        .map(|it| it["line"].as_u64().unwrap())
+        .collect();
+    assert!(
+        lines[..3].iter().all(|it| (3..=5).contains(it)),
+        "{lines:?}"
+    );
+    for place in slowest {
+        let [lost, feed] = ["lost_s", "feed_s"].map(|key| place[key].as_f64().unwrap());
+        assert!(lost > 0.0 && lost < feed, "{place}");
+    }
+
+    let from = &json["provenance"];
+    for (key, file) in [("machine_sha256", &machine), ("program_sha256", &program)] {
+        let sum = std::process::Command::new("sha256sum")
+            .arg(file)
+            .output()
+            .unwrap();
+        let (_, sum, _) = ended(&sum);
+        assert_eq!(from[key].as_str(), sum.split(' ').next(), "{from:#}");
+    }
+    let command = from["command"].as_str().unwrap();
+    assert!(
+        command.contains("validate") && command.contains(program.to_str().unwrap()),
+        "{command}"
+    );
+    assert_eq!(number(from, "/cycle_s"), 0.002);
+    let date = from["date"].as_str().unwrap();
+    assert!(
+        date.len() == 20 && date.starts_with("20") && date.ends_with('Z'),
+        "{date}"
+    );
+}

@@ -48,7 +48,15 @@ fn each_tolerance_decides_at_the_number_that_is_told() {
             of("rms_torque") / of("continuous_torque")
         })
         .fold(0.0, f64::max);
+    let margin = |of: &str| {
+        let loops = ["speed", "position"];
+        let all = (0..3).flat_map(|drive| loops.map(|it| format!("/loops/{drive}/{it}/{of}")));
+        all.map(|it| number(&free, &it))
+            .fold(f64::INFINITY, f64::min)
+    };
     for (key, what, value, more) in [
+        ("phase_margin", "phase_margin, ", margin("phase"), -1.0),
+        ("gain_margin", "gain_margin, ", margin("gain"), -1.0),
         ("contour_error", "contour_error", contour, 1.0),
         ("following_error", "following_error", following, 1.0),
         ("torque_reserve", "torque of drive", torque, -1.0),
@@ -277,4 +285,33 @@ fn a_gantry_tells_of_its_sides() {
     assert!(of("rms_torque_fight") > 0.0 && of("rms_torque_fight") < of("max_torque_fight"));
     let judged = json(&format!("\n[validation]\nskew = {}\n", 0.9 * skew));
     assert_eq!(first_violation(&judged), "skew", "{judged:#}");
+}
+
+/// A speed loop whose gain is raised beyond its gain margin swings: it is said to, and only then.
+#[test]
+fn loops_that_swing_are_said_to() {
+    let margins = "[validation]\ngain_margin = 0.1\n";
+    let gain = |gain: f64| {
+        let name = "name = \"front-back\"";
+        let entry = format!("{name}\nsdo = [[\"3012:1\", {}]]", gain.round());
+        validated(margins, &[(name, &entry)], "G1 X1 F600\nM2\n")
+    };
+    let loops = |json: &Value| json["loops"][1].clone();
+    let margin = |json: &Value| number(&loops(json), "/speed/gain");
+    let one = gain(200.0);
+    assert_eq!(loops(&one)["stable"], true, "{one:#}");
+    // A greater gain has that much less of a margin, and swings once there is none.
+    let lost = margin(&one) - margin(&gain(400.0));
+    assert!((lost - 20.0 * 2.0_f64.log10()).abs() < 0.05, "{lost}");
+    let least = 200.0 * 10.0_f64.powf(margin(&one) / 20.0);
+    assert_eq!(loops(&gain(0.95 * least))["stable"], true);
+    let swinging = gain(1.05 * least);
+    assert_eq!(loops(&swinging)["stable"], false);
+    let violations = swinging["violations"].as_array().unwrap();
+    let told = violations.iter().map(|it| it["what"].as_str().unwrap());
+    assert!(
+        told.clone()
+            .any(|it| it == "unstable loop of drive front-back"),
+        "{swinging:#}"
+    );
 }

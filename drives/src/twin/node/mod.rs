@@ -13,6 +13,7 @@ pub use tampering::Tampering;
 
 use super::device::{Disturbance, Observation, SimulatedDevice};
 use super::random::Random;
+use super::servo::cascade::Gains;
 use super::servo::shaft::Shaft;
 
 use crate::bus;
@@ -54,6 +55,11 @@ pub trait Firmware: Application {
     /// Torque of the motor, N·m.
     fn torque(&self) -> f64 {
         0.0
+    }
+
+    /// The gains of its loops, as its objects set them; of a servo drive.
+    fn gains(&self) -> Option<&Gains> {
+        None
     }
 
     /// Interferes with what is behind the node and the shaft; what it does not have is left alone.
@@ -238,6 +244,10 @@ impl<F: Firmware + Send + 'static> SimulatedDevice for Device<F> {
             at: self.firmware.shaft().map(Shaft::at),
             torque: self.firmware.torque(),
         }
+    }
+
+    fn gains(&self) -> Option<&Gains> {
+        self.firmware.gains()
     }
 
     fn disturb(&mut self, disturbance: Disturbance) {

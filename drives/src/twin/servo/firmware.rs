@@ -4,7 +4,7 @@
 //! their reset. What makers do each in their own way are the required methods of [`ServoFirmware`] and those
 //! that do nothing unless a drive says so.
 
-use super::cascade::{Reference, SPEED_STEPS};
+use super::cascade::{Gains, Reference, SPEED_STEPS};
 use super::errors::{Errors, ServoError};
 use super::loops::Loops;
 use super::power_stage::PowerStage;
@@ -339,6 +339,10 @@ impl<D: ServoFirmware> Firmware for D {
 
     fn torque(&self) -> f64 {
         self.servo().loops.torque()
+    }
+
+    fn gains(&self) -> Option<&Gains> {
+        Some(self.servo().loops.cascade.gains())
     }
 
     fn disturb(&mut self, disturbance: Disturbance) {

@@ -1,0 +1,144 @@
+//! The places where the tool was furthest from the programmed path, each with a picture of it: the path, and the tool
+//! beside it with its error magnified.
+
+use super::Report;
+use super::html::{escape, line_text};
+use super::scale::{extent, number};
+use crate::observe::places::WorstPlace;
+use std::fmt::Write;
+
+const WIDTH: f64 = 260.0;
+const HEIGHT: f64 = 170.0;
+const MARGIN: f64 = 16.0;
+/// Before and behind a place, s.
+const AROUND: f64 = 0.15;
+/// What the greatest error becomes, of the picture's height.
+const MAGNIFIED: f64 = 0.2;
+/// Places with a picture that are shown at once.
+const SHOWN: usize = 6;
+
+/// A point of a picture.
+type Point = (f64, f64);
+
+/// All places, the first ones at once.
+pub(super) fn cards(report: &Report, lines: &[&str], places: &[WorstPlace]) -> String {
+    let cards: Vec<String> = places.iter().map(|it| card(report, lines, it)).collect();
+    if cards.is_empty() {
+        return String::new();
+    }
+    let (first, others) = cards.split_at(cards.len().min(SHOWN));
+    let mut html = format!("<div class=cards>{}</div>", first.concat());
+    if !others.is_empty() {
+        _ = write!(
+            html,
+            "<details><summary>All {} places</summary><div class=cards>{}</div></details>",
+            cards.len(),
+            others.concat()
+        );
+    }
+    html
+}
+
+fn card(report: &Report, lines: &[&str], place: &WorstPlace) -> String {
+    let picture = picture(report, place.at.time).unwrap_or_default();
+    let text = line_text(lines, place.at.line);
+    format!(
+        "<figure class=card data-time='{:.6}' data-half={AROUND} tabindex=0>{picture}\
+         <figcaption><b>{} µm</b> in line {} at {:.3} s<br>of it rounding {} µm · feed {} mm/s\
+         <br><code>{}</code></figcaption></figure>\n",
+        place.at.time,
+        number(1000.0 * place.contour_error_mm),
+        place.at.line,
+        place.at.time,
+        number(1000.0 * place.rounding_mm),
+        number(place.feed_mm_s),
+        escape(text)
+    )
+}
+
+/// The path about an instant, seen along the axis in which it goes least far.
+fn picture(report: &Report, time: f64) -> Option<String> {
+    let from = report.time.partition_point(|it| *it < time - AROUND);
+    let to = report.time.partition_point(|it| *it <= time + AROUND);
+    let axis = |name: &str| report.axes.iter().find(|axis| axis.name == name);
+    let axes = ["X", "Y", "Z"].map(axis);
+    let rows: Vec<usize> = (from..to)
+        .filter(|&n| {
+            let off = report.off_path.get(n);
+            off.is_some_and(|off| off.iter().all(|it| it.is_finite()))
+        })
+        .collect();
+    // The programmed place is what the tool is off from.
+    let programmed = |n: usize| -> [f64; 3] {
+        let off = report.off_path[n];
+        [0, 1, 2].map(|at| axes[at].map_or(0.0, |axis| axis.act[n] - off[at]))
+    };
+    let ways: Vec<[f64; 3]> = rows.iter().map(|&n| programmed(n)).collect();
+    let size = |at: usize| {
+        let seen = extent(ways.iter().map(|it| it[at])).unwrap_or((0.0, 0.0));
+        let off = extent(rows.iter().map(|&n| report.off_path[n][at])).unwrap_or((0.0, 0.0));
+        // An axis along which there is an error is worth seeing, too.
+        (seen.1 - seen.0).hypot(100.0 * (off.1 - off.0))
+    };
+    let least = (0..3).min_by(|&one, &other| size(one).total_cmp(&size(other)))?;
+    let shown: Vec<usize> = (0..3).filter(|at| *at != least).collect();
+    let [across, up] = [shown[0], shown[1]];
+    let (x, y) = (
+        extent(ways.iter().map(|it| it[across]))?,
+        extent(ways.iter().map(|it| it[up]))?,
+    );
+    let pixels = ((WIDTH - 2.0 * MARGIN) / (x.1 - x.0).max(1e-3))
+        .min((HEIGHT - 2.0 * MARGIN) / (y.1 - y.0).max(1e-3));
+    let most = rows.iter().map(|&n| {
+        let off = report.off_path[n];
+        off[across].hypot(off[up])
+    });
+    let most = most.fold(0.0, f64::max);
+    let times = round(MAGNIFIED * HEIGHT / (most.max(1e-9) * pixels));
+    let at = |point: [f64; 2]| -> Point {
+        (
+            WIDTH / 2.0 + (point[0] - 0.5 * (x.0 + x.1)) * pixels,
+            HEIGHT / 2.0 - (point[1] - 0.5 * (y.0 + y.1)) * pixels,
+        )
+    };
+    let (mut path, mut tool, mut here) = (String::new(), String::new(), None);
+    let mut nearest = f64::INFINITY;
+    for (&n, way) in rows.iter().zip(&ways) {
+        let off = report.off_path[n];
+        let on = at([way[across], way[up]]);
+        let beside = at([way[across] + times * off[across], way[up] + times * off[up]]);
+        let pen = if path.is_empty() { 'M' } else { 'L' };
+        _ = write!(path, "{pen}{:.1} {:.1}", on.0, on.1);
+        _ = write!(tool, "{pen}{:.1} {:.1}", beside.0, beside.1);
+        let away = (report.time[n] - time).abs();
+        if away < nearest {
+            (nearest, here) = (away, Some((on, beside)));
+        }
+    }
+    let (on, beside) = here?;
+    let names = ["X", "Y", "Z"];
+    Some(format!(
+        "<svg viewBox='0 0 {WIDTH} {HEIGHT}' role=img aria-label='Tool and path'>\
+         <path class=programmed d='{path}'/><path class='line act' d='{tool}'/>\
+         <path class=error d='M{:.1} {:.1}L{:.1} {:.1}'/>\
+         <text class=tick x=6 y={:.1}>{}{}, error × {}</text></svg>",
+        on.0,
+        on.1,
+        beside.0,
+        beside.1,
+        HEIGHT - 5.0,
+        names[across],
+        names[up],
+        number(times)
+    ))
+}
+
+/// Down to 1, 2 or 5 times a power of ten; at least 1.
+fn round(value: f64) -> f64 {
+    let decade = 10f64.powf(value.max(1.0).log10().floor());
+    let steps = [5.0, 2.0, 1.0].into_iter();
+    steps
+        .map(|it| it * decade)
+        .find(|it| *it <= value)
+        .unwrap_or(1.0)
+}
