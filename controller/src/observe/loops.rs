@@ -10,8 +10,6 @@ use serde::Serialize;
 use std::f64::consts::TAU;
 use std::fmt;
 use syncline_drives::mechanics::drive_train::DriveTrain;
-use syncline_drives::mechanics::friction::Friction;
-use syncline_drives::mechanics::rigid::Rigid;
 use syncline_drives::model::Setpoints;
 use syncline_drives::twin::servo::cascade::Gains;
 use syncline_drives::twin::servo::power_stage::CURRENT_BANDWIDTH;
@@ -73,7 +71,7 @@ impl LoopSummary {
                 let felt = felt.at_shaft(&spec.scaling, axis.mm_per_revolution, rotary);
                 felt.train
             }
-            None => rigid(),
+            None => DriveTrain::default(),
         };
         let has_power_stage = simulation.and_then(Simulation::driven).is_some();
         let current = match has_power_stage {
@@ -173,20 +171,5 @@ impl fmt::Display for LoopSummary {
             )?;
         }
         Ok(())
-    }
-}
-
-/// What a drive without `simulation` moves.
-fn rigid() -> DriveTrain {
-    let rigid = Rigid::default();
-    DriveTrain {
-        rotor_inertia: rigid.motor_inertia,
-        load_inertia: rigid.load_inertia,
-        elasticity: None,
-        bearing: Friction {
-            viscous: rigid.viscous_friction,
-            ..Friction::coulomb(rigid.coulomb_friction)
-        },
-        ..DriveTrain::default()
     }
 }
