@@ -23,8 +23,8 @@ use super::profile::generic::{
 };
 use super::{
     Ability, Address, Assumption, Data, Drive, DriveStatus, Dynamics, Feedback, Increments, Make,
-    ModeDisplay, Model, NodeSpec, OutOfRange, PowerCommand, PowerState, RemoteNode, Sample,
-    Setpoint, Setpoints, Settings, Survey, Write,
+    ModeDisplay, Model, NodeSpec, OutOfRange, PowerCommand, RemoteNode, Sample, Setpoint,
+    Setpoints, Settings, Survey, Write,
 };
 use syncline_canopen::Frame;
 
@@ -273,15 +273,10 @@ impl Drive for Cia402Velocity {
 
     /// In neither mode the profile has a bit for an error in Operation Enabled.
     fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
-        let status = cia402::status(data, None)?;
-        let enabled = status.power == PowerState::Enabled;
-        Some(DriveStatus {
-            mode_runs: match self.tells_following {
-                true => status.mode_runs,
-                false => enabled,
-            },
-            ..status
-        })
+        match self.tells_following {
+            true => cia402::status(data, None),
+            false => cia402::status_of_bare_mode(data),
+        }
     }
 
     /// Of a spindle whether 60FFh can hold its velocity.

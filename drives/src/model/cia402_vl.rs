@@ -18,8 +18,8 @@ use super::profile::generic::{
 };
 use super::{
     Address, Assumed, Assumption, Data, Drive, DriveStatus, Feedback, Increments, Make,
-    ModeDisplay, Model, NodeSpec, OutOfRange, PowerCommand, PowerState, RemoteNode, Sample,
-    Setpoint, Setpoints, Settings, Survey, Write,
+    ModeDisplay, Model, NodeSpec, OutOfRange, PowerCommand, RemoteNode, Sample, Setpoint,
+    Setpoints, Settings, Survey, Write,
 };
 use syncline_canopen::Frame;
 use syncline_canopen::cia402::Controlword;
@@ -195,11 +195,7 @@ impl Drive for Cia402Vl {
 
     /// The mode has no bit of its own.
     fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
-        let status = cia402::status(data, None)?;
-        Some(DriveStatus {
-            mode_runs: status.power == PowerState::Enabled,
-            ..status
-        })
+        cia402::status_of_bare_mode(data)
     }
 
     fn speed(&self, _: usize, data: &[u8]) -> Option<f64> {

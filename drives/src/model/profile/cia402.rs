@@ -236,6 +236,15 @@ pub(in crate::model) fn status(data: &[u8], error: Option<u16>) -> Option<DriveS
     })
 }
 
+/// The same in a mode that has no bit of its own: it runs as long as the drive is enabled.
+pub(in crate::model) fn status_of_bare_mode(data: &[u8]) -> Option<DriveStatus> {
+    let status = status(data, None)?;
+    Some(DriveStatus {
+        mode_runs: status.power == PowerState::Enabled,
+        ..status
+    })
+}
+
 /// What a statusword says by the bits that mean the same in every mode that takes a setpoint a
 /// cycle: bit 12 is set while the drive follows them. Bits that a maker or a mode gives another
 /// meaning are left out.
