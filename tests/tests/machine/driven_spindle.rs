@@ -26,7 +26,8 @@ fn drill(program: &str) -> Rig {
     drill_with(&[], program, |_, _| ())
 }
 
-fn drill_with(
+/// The example with parts of its file replaced, and a program that nobody goes on with.
+pub(super) fn drill_with(
     replacements: &[(&str, &str)],
     program: &str,
     configure: impl Fn(usize, &mut Config),
@@ -143,6 +144,11 @@ fn each_cut_waits_for_its_speed_and_power_for_the_standstill() {
 /// Left on to the end, it is stopped by M2, and by an operator's stop in mid-cut.
 #[test]
 fn a_spindle_that_is_left_on_stands_before_power_is_taken_off() {
+    assert_stands_before_power_is_taken_off(drill);
+}
+
+/// The same of any machine like it.
+pub(super) fn assert_stands_before_power_is_taken_off(drill: impl Fn(&str) -> Rig) {
     let program = "G21 G90 G61\nM3 S3000\nG1 X100 F3000\nM2\n";
     for stops in [false, true] {
         let mut rig = drill(program);
@@ -220,7 +226,7 @@ fn a_speed_beyond_the_limits_is_refused_when_the_program_is_checked() {
 }
 
 /// Whether the path rests because the spindle did not come to its speed.
-pub(super) fn is_not_at_speed(rig: &mut Rig) -> bool {
+fn is_not_at_speed(rig: &mut Rig) -> bool {
     let told = |event: &Event| {
         let reason = Pause::NotAtSpeed;
         matches!(event, Event::Paused { reason: told, .. } if *told == reason)
@@ -242,7 +248,11 @@ fn what_counts_is_how_fast_it_truly_turns() {
     assert!(waited > 0.9, "{waited} s");
     assert_cuts_at_speed(&rig);
 
-    let mut rig = drill(TWO_SPEEDS);
+    assert_waits_for_a_held_rotor(drill(TWO_SPEEDS));
+}
+
+/// A rotor that is held is not at speed: no cut of [`TWO_SPEEDS`] begins before it turns.
+pub(super) fn assert_waits_for_a_held_rotor(mut rig: Rig) {
     rig.twin(SPINDLE).disturb(Disturbance::Block(true));
     rig.run_until(is_not_at_speed);
     // Two ramps and a second.
@@ -317,9 +327,13 @@ pub(super) const LOSSES: [(Disturbance, &str); 6] = [
     (Disturbance::Remote(false), "not under fieldbus control"),
 ];
 
-/// The same machine, which stays on, and runs a program from its file.
 fn begun(program: &str) -> Rig {
-    let mut rig = Rig::staying_on("drill", &[], |_, _| ());
+    begun_with(&[], program)
+}
+
+/// The same machine, which stays on, and runs a program from its file.
+pub(super) fn begun_with(replacements: &[(&str, &str)], program: &str) -> Rig {
+    let mut rig = Rig::staying_on("drill", replacements, |_, _| ());
     rig.goes_on = false;
     settle(&mut rig);
     let file = rig.folder.file("part.ngc", program);
@@ -340,25 +354,29 @@ fn resume(rig: &mut Rig) {
     assert_moves_within_limits(rig);
 }
 
-const FROM_NEAR: &str = "G21 G90 G61\nM3 S2000\nG1 X40 F1200\nX60\nM2\n";
+pub(super) const FROM_NEAR: &str = "G21 G90 G61\nM3 S2000\nG1 X40 F1200\nX60\nM2\n";
 
 /// After a fault, of an axis or of the spindle itself, it stands, and has its speed again before the cut goes on.
 #[test]
 fn a_cut_that_is_resumed_waits_for_its_speed() {
     for failing in [0, SPINDLE] {
-        let mut rig = begun(FROM_NEAR);
-        rig.run_until(|rig| rig.session.status().setpoint[0] > 20.0);
-        let fault = Disturbance::Fault(ErrorClass::StopAndSwitchOff);
-        rig.twin(failing).disturb(fault);
-        settle(&mut rig);
-        assert_eq!(state(&rig), State::Faulted);
-        go(&mut rig, Command::Reset);
-        assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
-        assert_eq!(rig.session.status().interrupted, Some(3));
-        let standing = turns_at(&mut rig).abs();
-        assert!(standing < 1.0, "{standing} 1/min");
-        resume(&mut rig);
+        assert_resumes_behind_a_fault(begun(FROM_NEAR), failing);
     }
+}
+
+/// The same of a machine that has begun with [`FROM_NEAR`], and of one of its drives.
+pub(super) fn assert_resumes_behind_a_fault(mut rig: Rig, failing: usize) {
+    rig.run_until(|rig| rig.session.status().setpoint[0] > 20.0);
+    let fault = Disturbance::Fault(ErrorClass::StopAndSwitchOff);
+    rig.twin(failing).disturb(fault);
+    settle(&mut rig);
+    assert_eq!(state(&rig), State::Faulted);
+    go(&mut rig, Command::Reset);
+    assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+    assert_eq!(rig.session.status().interrupted, Some(3));
+    let standing = turns_at(&mut rig).abs();
+    assert!(standing < 1.0, "{standing} 1/min");
+    resume(&mut rig);
 }
 
 /// Left for typed lines where it did not come to its speed: what was awaited is awaited still.
@@ -375,17 +393,25 @@ fn a_cut_that_waited_waits_behind_typed_lines_too() {
     resume(&mut rig);
 }
 
-/// Has it lost in a row of [`CUT`]; the axes stop on their path, and nothing stays on.
-fn lost(row: usize, (disturbance, told): (Disturbance, &str)) {
-    let mut rig = drill(CUT);
+fn lost(row: usize, loss: (Disturbance, &str)) {
+    assert_lost(drill(CUT), "PV", row, loss);
+}
+
+/// Has a spindle's drive of this mode lost in a row of [`CUT`]; the axes stop on their path, and nothing stays on.
+pub(super) fn assert_lost(
+    mut rig: Rig,
+    mode: &str,
+    row: usize,
+    (disturbance, told): (Disturbance, &str),
+) {
     rig.run_to_row(row);
     rig.twin(SPINDLE).disturb(disturbance);
     let before = rig.rows.len();
     let fault = rig.finish_with_fault();
     assert!(matches!(fault, Fault::Device(SPINDLE, _)), "{fault:?}");
     let text = fault.describe(&*rig.layout);
-    let who = "the spindle's drive, node 4 (spindle, CiA 402 PV): ";
-    assert!(text.starts_with(who) && text.contains(told), "{text}");
+    let who = format!("the spindle's drive, node 4 (spindle, CiA 402 {mode}): ");
+    assert!(text.starts_with(&who) && text.contains(told), "{text}");
     // No axis was quick-stopped: all came to rest on the line.
     assert!(rig.rows[before..].iter().all(|row| !row.axes[0].by_itself));
     let beside = |row: &Row<COORDINATES>| row.axes[1].set.abs().max(row.axes[2].set.abs());

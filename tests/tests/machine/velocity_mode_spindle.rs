@@ -3,47 +3,24 @@
 use proptest::prelude::*;
 use proptest::sample::select;
 use syncline_canopen::{CobId, NodeId};
-use syncline_controller::control::{End, Fault, Phase, State};
+use syncline_controller::control::{End, Fault, Phase};
 use syncline_controller::machine::Machine;
 use syncline_controller::program::Programs;
-use syncline_controller::session::Command;
-use syncline_drives::twin::{Config, Disturbance, ErrorClass};
+use syncline_drives::twin::Disturbance;
 use syncline_tests::command::machine_file;
 use syncline_tests::rig::Rig;
 
-use super::day::{go, settle, state};
 use super::driven_spindle::{
-    CUT, LOSSES, SPINDLE, TWO_SPEEDS, assert_cuts_at_speed, assert_let_go_at_rest, is_not_at_speed,
-    line, measured, program, turns_at,
+    self, CUT, FROM_NEAR, LOSSES, SPINDLE, TWO_SPEEDS, assert_cuts_at_speed, assert_let_go_at_rest,
+    assert_lost, assert_resumes_behind_a_fault, assert_stands_before_power_is_taken_off,
+    assert_waits_for_a_held_rotor, line, measured, program, turns_at,
 };
 
 const PV: &str = "model = \"cia402_pv\"\n\n# Its data sheet: a 20-bit encoder; 60FFh in 0.1 1/min.\n[model.cia402_pv]\nencoder_increments = 1_048_576\nvelocity_units = 10";
 const VL: &str = "model = \"cia402_vl\"\n\n[model.cia402_vl]\nvelocity_units = 10";
 
-fn drill_with(
-    replacements: &[(&str, &str)],
-    program: &str,
-    configure: impl Fn(usize, &mut Config),
-) -> Rig {
-    let replacements = [&[(PV, VL)], replacements].concat();
-    let mut rig = Rig::new("drill", &replacements, program, configure);
-    rig.goes_on = false;
-    rig
-}
-
 fn drill(program: &str) -> Rig {
-    drill_with(&[], program, |_, _| ())
-}
-
-/// The same machine, which stays on, and runs a program from its file.
-fn begun(program: &str) -> Rig {
-    let mut rig = Rig::staying_on("drill", &[(PV, VL)], |_, _| ());
-    rig.goes_on = false;
-    settle(&mut rig);
-    let file = rig.folder.file("part.ngc", program);
-    rig.command(Command::Load(file));
-    rig.command(Command::Run { from_line: None });
-    rig
+    driven_spindle::drill_with(&[(PV, VL)], program, |_, _| ())
 }
 
 /// Controlwords and speeds in units of 6042h that the drive was sent, one after the other.
@@ -94,8 +71,7 @@ fn a_drive_that_counts_otherwise_is_told_so_or_known_to() {
         ),
     ] {
         let model = format!("model = \"cia402_vl\"\n\n[model.cia402_vl]\n{model}");
-        let mut rig = Rig::new("drill", &[(PV, &model)], TWO_SPEEDS, |_, _| ());
-        rig.goes_on = false;
+        let mut rig = driven_spindle::drill_with(&[(PV, &*model)], TWO_SPEEDS, |_, _| ());
         rig.run_until(|rig| {
             let row = rig.rows.last();
             row.is_some_and(|row| row.plan.position[0] > 15.0) || rig.end().is_some()
@@ -109,21 +85,7 @@ fn a_drive_that_counts_otherwise_is_told_so_or_known_to() {
 
 #[test]
 fn left_on_it_stands_before_power_is_taken_off() {
-    for stops in [false, true] {
-        let mut rig = drill("G21 G90 G61\nM3 S3000\nG1 X100 F3000\nM2\n");
-        rig.run_until(|rig| {
-            let row = rig.rows.last();
-            row.is_some_and(|row| row.plan.position[0] > 50.0)
-        });
-        if stops {
-            rig.command(Command::Stop);
-        }
-        rig.run_to(Phase::ModeEnd);
-        let standing = turns_at(&mut rig).abs();
-        assert!(standing < 2.0, "{standing} 1/min");
-        rig.finish();
-        assert_let_go_at_rest(&mut rig);
-    }
+    assert_stands_before_power_is_taken_off(drill);
 }
 
 #[test]
@@ -173,19 +135,10 @@ fn it_is_held_to_what_it_can_do_when_files_are_checked() {
     }
 }
 
-/// What 6044h tells is what counts: a rotor that is held is not at speed.
+/// What 6044h tells is what counts.
 #[test]
 fn no_cut_begins_before_it_turns() {
-    let mut rig = drill(TWO_SPEEDS);
-    rig.twin(SPINDLE).disturb(Disturbance::Block(true));
-    rig.run_until(is_not_at_speed);
-    assert!(rig.rows.last().unwrap().plan.position[0] <= 10.0);
-    rig.twin(SPINDLE).disturb(Disturbance::Block(false));
-    let until = rig.rows.len() + 500;
-    rig.run_to_row(until);
-    rig.command(Command::CycleStart);
-    assert_eq!(rig.finish(), End::Finished);
-    assert_cuts_at_speed(&rig);
+    assert_waits_for_a_held_rotor(drill(TWO_SPEEDS));
 }
 
 #[test]
@@ -209,44 +162,15 @@ fn a_cut_whose_spindle_falls_away_stops_on_the_path() {
 #[test]
 fn after_a_fault_it_stands_and_has_its_speed_again_before_the_cut_goes_on() {
     for failing in [0, SPINDLE] {
-        let mut rig = begun("G21 G90 G61\nM3 S2000\nG1 X40 F1200\nX60\nM2\n");
-        rig.run_until(|rig| rig.session.status().setpoint[0] > 20.0);
-        let fault = Disturbance::Fault(ErrorClass::StopAndSwitchOff);
-        rig.twin(failing).disturb(fault);
-        settle(&mut rig);
-        assert_eq!(state(&rig), State::Faulted);
-        assert!(turns_at(&mut rig).abs() < 1.0);
-        go(&mut rig, Command::Reset);
-        assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
-        go(&mut rig, Command::Resume);
-        go(&mut rig, Command::CycleStart);
-        assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
-        assert_eq!(rig.session.status().setpoint[0], 60.0);
-        assert_cuts_at_speed(&rig);
+        let rig = driven_spindle::begun_with(&[(PV, VL)], FROM_NEAR);
+        assert_resumes_behind_a_fault(rig, failing);
     }
-}
-
-/// Has it lost in a row of [`CUT`]; the axes stop on their path, and nothing stays on.
-fn lost(row: usize, (disturbance, told): (Disturbance, &str)) {
-    let mut rig = drill(CUT);
-    rig.run_to_row(row);
-    rig.twin(SPINDLE).disturb(disturbance);
-    let before = rig.rows.len();
-    let fault = rig.finish_with_fault();
-    assert!(matches!(fault, Fault::Device(SPINDLE, _)), "{fault:?}");
-    let text = fault.describe(&*rig.layout);
-    let who = "the spindle's drive, node 4 (spindle, CiA 402 VL): ";
-    assert!(text.starts_with(who) && text.contains(told), "{text}");
-    assert!(rig.rows[before..].iter().all(|row| !row.axes[0].by_itself));
-    rig.trace().assert_within_limits();
-    assert!(rig.ends_at_rest());
-    assert!(!rig.twin(0).observe().is_powered);
 }
 
 #[test]
 fn each_loss_of_it_stops_the_axes_on_their_path_with_its_own_message() {
     for loss in LOSSES {
-        lost(400, loss);
+        assert_lost(drill(CUT), "VL", 400, loss);
     }
 }
 
@@ -263,7 +187,8 @@ proptest! {
     ) {
         let (text, told) = program(&lines, mode);
         let ramp = format!("ramp_ms = {ramp} ");
-        let drill = |text: &str| drill_with(&[("ramp_ms = 300 ", &*ramp)], text, |_, _| ());
+        let replacements = [(PV, VL), ("ramp_ms = 300 ", &*ramp)];
+        let drill = |text: &str| driven_spindle::drill_with(&replacements, text, |_, _| ());
         let mut rig = drill(&text);
         prop_assert_eq!(rig.finish(), End::Finished, "{}", text);
         let speeds: Vec<f64> = sent(&rig).1.iter().map(|it| f64::from(*it) / 10.0).collect();
@@ -278,6 +203,6 @@ proptest! {
     /// Whenever and however it is lost.
     #[test]
     fn no_loss_of_it_takes_an_axis_off_its_path(row in 1..2000usize, loss in select(LOSSES.to_vec())) {
-        lost(row, loss);
+        assert_lost(drill(CUT), "VL", row, loss);
     }
 }
