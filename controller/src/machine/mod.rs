@@ -49,6 +49,7 @@ use syncline_drives::model::{
     Ability, Assumed, Device, Direction, Heartbeat, Increments, IoSettings, Model, Scaling,
     Settings, Write,
 };
+use syncline_drives::twin;
 use syncline_gcode as gcode;
 use syncline_strict_toml::{Invalid, SetError};
 use syncline_trajectory::path::Retraction;
@@ -454,6 +455,15 @@ impl Machine {
     pub fn enable_chain(&self) -> Option<&Output> {
         let mut outputs = self.outputs.iter();
         outputs.find(|output| output.switch == OutputSwitch::EnableChain)
+    }
+
+    /// What the motor of a drive feels of what it moves.
+    #[must_use]
+    pub fn at_shaft(&self, drive: usize, driven: &FeedAxis) -> twin::Axis {
+        let spec = &self.drives[drive];
+        let axis = &self.axes[spec.axis];
+        let rotary = !axis.letter.is_linear();
+        driven.at_shaft(&spec.scaling, axis.mm_per_revolution, rotary)
     }
 
     /// What the controller needs to know of the [device](Self::nodes) with that index.

@@ -65,12 +65,7 @@ impl LoopSummary {
         let axis = &machine.axes[spec.axis];
         let simulation = axis.simulation.as_ref();
         let train = match simulation {
-            Some(simulation) => {
-                let rotary = !axis.letter.is_linear();
-                let felt = simulation.felt();
-                let felt = felt.at_shaft(&spec.scaling, axis.mm_per_revolution, rotary);
-                felt.train
-            }
+            Some(simulation) => machine.at_shaft(drive, &simulation.felt()).train,
             None => DriveTrain::default(),
         };
         let has_power_stage = simulation.and_then(Simulation::driven).is_some();

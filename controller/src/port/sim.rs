@@ -2,16 +2,14 @@
 
 use super::{Port, PortError};
 use crate::bus::{Burst, Received};
-use crate::machine::{
-    Axis, FeedAxis, Gantry, InputMeaning, Machine, Seat, Simulation, SpindleDrive,
-};
+use crate::machine::{Axis, Gantry, InputMeaning, Machine, Seat, Simulation, SpindleDrive};
 use syncline_canopen::{Frame, NodeId};
 use syncline_drives::bus::{Band, BitRate};
 use syncline_drives::mechanics::rigid::Rigid;
 use syncline_drives::mechanics::rigid_beam::{RigidBeam, Side};
 use syncline_drives::mechanics::touch_probe::TouchProbe;
 use syncline_drives::model::{Direction, Increments, Model};
-use syncline_drives::twin::{self, Config, Kind, Sensor, SimulatedDevice};
+use syncline_drives::twin::{Config, Kind, Sensor, SimulatedDevice};
 use syncline_drives::world::{
     BusId, DeviceId, EnableChain, FittedProbe, Hosted, Observer, ProbeDrive, ProbeWire, World,
 };
@@ -272,7 +270,7 @@ pub fn config(machine: &Machine, index: usize, seed: u64) -> Config {
     let simulation = axis.simulation.as_ref();
     let own = simulation.and_then(Simulation::driven);
     Config {
-        axis: own.map(|it| at_shaft(machine, index, &it)),
+        axis: own.map(|it| machine.at_shaft(index, &it)),
         encoder: simulation.and_then(|it| it.encoder),
         sensors: sensors(machine, index, turns),
         reference_switch: simulation.and_then(|it| it.switches.reference.map(range)),
@@ -404,17 +402,9 @@ pub fn twin(model: &Model, config: &Config) -> Box<dyn SimulatedDevice> {
     (kind.make)(config)
 }
 
-/// What the motor of a drive feels of its axis.
-fn at_shaft(machine: &Machine, drive: usize, driven: &FeedAxis) -> twin::Axis {
-    let spec = &machine.drives[drive];
-    let axis = &machine.axes[spec.axis];
-    let rotary = !axis.letter.is_linear();
-    driven.at_shaft(&spec.scaling, axis.mm_per_revolution, rotary)
-}
-
 /// One side of a beam, from the rotor to its end.
 fn side(machine: &Machine, drive: usize, simulation: &Simulation) -> Side {
-    let train = at_shaft(machine, drive, &simulation.axis).train;
+    let train = machine.at_shaft(drive, &simulation.axis).train;
     let travel = machine.axes[machine.drives[drive].axis].mm_per_revolution / 1000.0;
     Side {
         travel: match machine.drives[drive].scaling.direction() {

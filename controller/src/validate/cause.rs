@@ -201,9 +201,7 @@ fn gains(machine: &Machine, axis: &Axis) -> Option<Repair> {
 
 /// The frequency at which the load of an axis takes up everything, in words, if something gives way.
 fn frequency(machine: &Machine, axis: &Axis, simulation: &Simulation) -> String {
-    let scaling = &machine.drives[axis.drives[0]].scaling;
-    let feels =
-        (simulation.axis).at_shaft(scaling, axis.mm_per_revolution, !axis.letter.is_linear());
+    let feels = machine.at_shaft(axis.drives[0], &simulation.axis);
     feels
         .train
         .resonances()
