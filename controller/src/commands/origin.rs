@@ -1,10 +1,13 @@
 //! What a run is made from, as it was when it began.
 
 use super::calendar::Utc;
+use super::input;
 use crate::observe::frames::hexadecimal;
 use crate::observe::provenance::Provenance;
 use crate::sweep::quoted;
 use sha2::{Digest, Sha256};
+use std::fs::File;
+use std::io::{self, BufRead, BufReader};
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 use std::{env, fs};
@@ -12,17 +15,16 @@ use std::{env, fs};
 /// Files of a run.
 pub(super) struct Origin {
     pub(super) provenance: Provenance,
-    /// The program's text; nothing where it is no file.
+    /// The program's text; nothing where it is not wanted, no file, or so long that no person reads it.
     pub(super) source: String,
 }
 
 impl Origin {
-    /// Of a run that begins now.
-    pub(super) fn now(machine: &Path, program: &Path, cycle: Duration) -> Self {
-        let digest = |bytes: &[u8]| hexadecimal(&Sha256::digest(bytes));
+    /// Of a run that begins now, with the program's text if that is wanted.
+    pub(super) fn now(machine: &Path, program: &Path, cycle: Duration, with_source: bool) -> Self {
         // What is no regular file can be read but once, and is not read here.
         let is_file = program.metadata().is_ok_and(|it| it.is_file());
-        let text = is_file.then(|| fs::read(program).ok()).flatten();
+        let source = (is_file && with_source).then(|| input::read(program).ok());
         let command = env::args().map(|word| quoted(&word));
         let host = fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
         Self {
@@ -31,11 +33,25 @@ impl Origin {
                 date: Utc::of(SystemTime::now()).rfc_3339(),
                 host: host.trim().to_owned(),
                 command: command.collect::<Vec<_>>().join(" "),
-                machine_sha256: digest(&fs::read(machine).unwrap_or_default()),
-                program_sha256: text.as_deref().map(digest),
+                machine_sha256: digest(machine).unwrap_or_default(),
+                program_sha256: is_file.then(|| digest(program).ok()).flatten(),
                 cycle_s: cycle.as_secs_f64(),
             },
-            source: String::from_utf8_lossy(&text.unwrap_or_default()).into_owned(),
+            source: String::from_utf8_lossy(&source.flatten().unwrap_or_default()).into_owned(),
         }
+    }
+}
+
+/// The SHA-256 of a file of any length.
+fn digest(file: &Path) -> io::Result<String> {
+    let (mut digest, mut file) = (Sha256::new(), BufReader::new(File::open(file)?));
+    loop {
+        let bytes = file.fill_buf()?;
+        if bytes.is_empty() {
+            return Ok(hexadecimal(&digest.finalize()));
+        }
+        digest.update(bytes);
+        let count = bytes.len();
+        file.consume(count);
     }
 }

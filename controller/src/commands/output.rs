@@ -12,6 +12,7 @@ use std::fs::{self, File, Metadata};
 use std::io::{self, BufWriter, Write};
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 use syncline_gcode::Tables;
 
 /// The option for JSON.
@@ -336,6 +337,13 @@ impl Output {
     /// Where the result goes as JSON.
     pub(super) fn json(&self) -> &Option<PathBuf> {
         &self.json
+    }
+
+    /// Where the run is from that begins now, if what tells it is wanted.
+    pub(super) fn origin(&self, machine: &Path, program: &Path, cycle: Duration) -> Option<Origin> {
+        let with_source = self.report.is_some();
+        let told = with_source || self.json.is_some();
+        told.then(|| Origin::now(machine, program, cycle, with_source))
     }
 
     /// Opens the files, of a run from there.

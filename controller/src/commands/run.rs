@@ -3,7 +3,6 @@
 use super::command_log::{CommandFile, CommandLog};
 use super::keys::{self, Keys};
 use super::log_files::LogFiles;
-use super::origin::Origin;
 use super::output::{Claims, Output, Results, Target};
 use super::ports::PortChoice;
 use super::progress::{Console, Messages, Screen, Way};
@@ -127,8 +126,8 @@ impl Args {
         let program = self.switches.program(&programs, &self.program)?;
         let extent = program.check(machine.rest())?;
         let mut claims = Claims::of_run(&self.machine, &self.program);
-        let origin = Origin::now(&self.machine, &self.program, machine.cycle);
-        let results = self.output.open(&mut claims, Some(origin))?;
+        let origin = (self.output).origin(&self.machine, &self.program, machine.cycle);
+        let results = self.output.open(&mut claims, origin)?;
         let logs = self.log.open(&mut claims)?;
         let commands = self.commands.open(&mut claims)?;
         if extent.sets_tables {

@@ -3,7 +3,6 @@
 use super::command_log::{CommandFile, CommandLog};
 use super::events::Events;
 use super::log_files::{LogFiles, Logs};
-use super::origin::Origin;
 use super::output::{Claims, Output, Results, Target};
 use super::progress::Way;
 use super::repeats::{self, Repeats};
@@ -140,8 +139,8 @@ impl Args {
             }
             None => Events::default(),
         };
-        let origin = Origin::now(&self.machine, self.program(), machine.cycle);
-        let results = self.output.open(&mut claims, Some(origin))?;
+        let origin = (self.output).origin(&self.machine, self.program(), machine.cycle);
+        let results = self.output.open(&mut claims, origin)?;
         let commands = self.commands.open(&mut claims)?;
         let logs = self.log.open(&mut claims)?;
         if let Some(beginning) = program.beginning(machine.rest())? {
