@@ -5,6 +5,7 @@ use crate::bench::rig::{Shape, Shuttle};
 use crate::run::driver::Driver;
 use proptest::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
+use syncline_canopen::NodeId;
 use syncline_canopen::budget::{Direction, Pdo};
 use syncline_drives::model::{
     Device, Drive, DriveStatus, Feedback, Increments, Io, ModeDisplay, NodeSpec, OutOfRange,
@@ -283,6 +284,14 @@ fn answers() -> impl Strategy<Value = Vec<Answer>> {
     })
 }
 
+/// Takes the T_PDO that tells this position as an answer to the last SYNC.
+fn take(node: &mut DeviceNode, position: i32) -> Result<(), Fault> {
+    // The first drive of a layout of two PDOs each.
+    let id = NodeId::new(1).unwrap();
+    let frame = Frame::new(CobId::t_pdo(3, id), &position.to_le_bytes());
+    node.receive(Instant::ZERO, &frame, Some(Instant::ZERO), &mut |_| ())
+}
+
 proptest! {
     /// Losses, late answers and a frame that came twice are no second device; one that answers besides is, at once, and
     /// what it says is not taken.
@@ -290,12 +299,6 @@ proptest! {
     fn a_second_answer_is_a_fault_and_not_taken(answers in answers(), more in 0..3_usize) {
         let layout = two_pdos_each();
         let mut node = DeviceNode::new(0, &layout);
-        let id = layout.devices[0].device.spec().node;
-        let sync = Instant::ZERO;
-        let take = |node: &mut DeviceNode, position: i32| {
-            let frame = Frame::new(CobId::t_pdo(3, id), &position.to_le_bytes());
-            node.receive(sync, &frame, Some(sync), &mut |_| ())
-        };
         let mut late = None;
         for (position, &answer) in (1..).zip(&answers) {
             node.on_sync();
@@ -330,12 +333,6 @@ fn a_drive_that_catches_up_after_three_late_answers_is_stopped() {
     for late in 1..=4 {
         let layout = two_pdos_each();
         let mut node = DeviceNode::new(0, &layout);
-        let id = layout.devices[0].device.spec().node;
-        let sync = Instant::ZERO;
-        let take = |node: &mut DeviceNode, position: i32| {
-            let frame = Frame::new(CobId::t_pdo(3, id), &position.to_le_bytes());
-            node.receive(sync, &frame, Some(sync), &mut |_| ())
-        };
         node.on_sync();
         assert_eq!(take(&mut node, 0), Ok(()));
         // To one SYNC nothing comes, and to each of the others the answer to the one before.
