@@ -60,6 +60,11 @@ impl Switched {
 }
 
 /// Which coolant runs: 1 mist, 2 flood, 3 both.
-pub(super) fn running(coolant: Coolant) -> u8 {
+pub(crate) fn running(coolant: Coolant) -> u8 {
     u8::from(coolant.mist) + 2 * u8::from(coolant.flood)
+}
+
+/// What that is called.
+pub(crate) fn coolant_name(running: u8) -> &'static str {
+    ["off", "mist", "flood", "mist, flood"][usize::from(running & 3)]
 }

@@ -21,8 +21,6 @@ const STEPS: f64 = 30_000.0;
 /// Steps of positions, mm, and of times, s.
 const POSITION: f64 = 1e-4;
 const TIME: f64 = 1e-6;
-/// More text than that is left out: no program of that length is read by a person, bytes.
-const LONGEST: usize = 16 << 20;
 
 /// Columns with their names, and the text of the program, as they are written.
 #[derive(Default)]
@@ -97,21 +95,23 @@ impl Rows {
         self.standing().map(|n| at(values, n))
     }
 
-    /// Values with no peak lost.
-    fn peaks(&self, values: &[f64]) -> impl Iterator<Item = f64> {
-        let stretch = self.stretch;
-        // A row without a value has none here either.
-        let values: Vec<f64> = (0..self.count).map(|n| at(values, n)).collect();
-        let chunks: Vec<Vec<f64>> = values.chunks(stretch).map(<[f64]>::to_vec).collect();
-        chunks.into_iter().flat_map(move |chunk| {
-            let by_value = |one: &usize, other: &usize| chunk[*one].total_cmp(&chunk[*other]);
-            let finite = || (0..chunk.len()).filter(|&n| chunk[n].is_finite());
-            let least = finite().min_by(by_value).unwrap_or(0);
-            let most = finite().max_by(by_value).unwrap_or(0);
-            let second = (stretch > 1 && stretch / 2 < chunk.len()).then(|| chunk[least.max(most)]);
+    /// Values with no peak lost. A row without a value has none here either.
+    fn peaks(&self, values: &[f64]) -> Vec<f64> {
+        let mut kept = Vec::new();
+        for first in (0..self.count).step_by(self.stretch) {
+            let stretch = first..(first + self.stretch).min(self.count);
+            let (length, one) = (stretch.len(), |n: usize| at(values, n));
+            let finite = || stretch.clone().filter(|&n| one(n).is_finite());
+            let by_value = |a: &usize, b: &usize| one(*a).total_cmp(&one(*b));
+            let least = finite().min_by(by_value).unwrap_or(first);
+            let most = finite().max_by(by_value).unwrap_or(first);
+            kept.push(one(least.min(most)));
             // A stretch with a middle has two values; the last one may have none.
-            [Some(chunk[least.min(most)]), second].into_iter().flatten()
-        })
+            if self.stretch > 1 && self.stretch / 2 < length {
+                kept.push(one(least.max(most)));
+            }
+        }
+        kept
     }
 }
 
@@ -135,7 +135,7 @@ pub(super) fn packed(report: &Report) -> io::Result<String> {
         ("contour_error", &report.contour_error),
     ];
     for (name, values) in peaks {
-        packed.push(name, step(values), rows.peaks(values));
+        packed.push(name, step(values), rows.peaks(values).into_iter());
     }
     for axis in &report.axes {
         let of = |what: &str| format!("{}.{what}", axis.name);
@@ -148,7 +148,7 @@ pub(super) fn packed(report: &Report) -> io::Result<String> {
             ("jerk", &axis.jerk),
             ("following_error", &axis.following_error),
         ] {
-            packed.push(&of(what), step(values), rows.peaks(values));
+            packed.push(&of(what), step(values), rows.peaks(values).into_iter());
         }
     }
     let blocks = blocks(report);
@@ -166,13 +166,12 @@ pub(super) fn packed(report: &Report) -> io::Result<String> {
     let worst: Vec<f64> = blocks.iter().map(|it| it.worst).collect();
     packed.push("block.worst", step(&worst), worst.iter().copied());
 
-    let source = Some(report.source.as_str()).filter(|it| it.len() <= LONGEST);
     let head = json!({ "columns": packed.columns, "bytes": packed.bytes.len() }).to_string();
     let mut zip = GzEncoder::new(Vec::new(), Compression::best());
     zip.write_all(&(head.len() as u32).to_le_bytes())?;
     zip.write_all(head.as_bytes())?;
     zip.write_all(&packed.bytes)?;
-    zip.write_all(source.unwrap_or_default().as_bytes())?;
+    zip.write_all(report.source.as_bytes())?;
     Ok(BASE64_STANDARD.encode(zip.finish()?))
 }
 
@@ -260,7 +259,7 @@ mod tests {
             values in prop::collection::vec(-1e3..1e3_f64, 1..900), stretch in 1_usize..40,
         ) {
             let rows = Rows { count: values.len(), stretch };
-            let kept: Vec<f64> = rows.peaks(&values).collect();
+            let kept = rows.peaks(&values);
             prop_assert_eq!(kept.len(), rows.standing().count());
             let most = |all: &[f64]| all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             let least = |all: &[f64]| all.iter().copied().fold(f64::INFINITY, f64::min);

@@ -1,7 +1,7 @@
 //! The page and its parts.
 
 use super::plot::{self, Along, Curve};
-use super::strips::{Mark, Strip, strips};
+use super::strips::{Line, Mark, Strip, strips};
 use super::{
     AxisReport, Report, Summary, Violation, data, distribution,
     scale::{count, number},
@@ -235,8 +235,11 @@ fn path_over_time(report: &Report) -> String {
         format!("max {}", number(most.fold(0.0, f64::max)))
     };
     let feed = Strip::new("Feed", "mm/s", most(&report.feed), "feed");
-    let mut all = vec![feed.over("reached", "programmed", "programmed")];
-    all[0].lines[0].stepped = true;
+    let programmed = Line {
+        stepped: true,
+        ..Line::below("programmed", "programmed")
+    };
+    let mut all = vec![feed.over("reached", programmed)];
     if report.turning.iter().any(|speed| *speed > 0.0) {
         let title = "Feed of turns alone";
         all.push(Strip::new(title, "°/s", most(&report.turning), "turning"));
@@ -247,7 +250,7 @@ fn path_over_time(report: &Report) -> String {
         most(&report.contour_error),
         "contour_error",
     );
-    all.push(errors.over("tool", "setpoint", "rounding"));
+    all.push(errors.over("tool", Line::below("setpoint", "rounding")));
     all.push(Strip::new("Program line", "", String::new(), "line").stepped());
     let marks: Vec<Mark> = report.violations.iter().take(LISTED).map(mark).collect();
     let plots = strips("Feed, contour error and program line", &all, &marks);
@@ -267,7 +270,7 @@ fn axis_over_time(report: &Report, axis: &AxisReport) -> String {
     let soft = format!("soft limits {} … {}", number(least), number(most));
     let all = [
         Strip::new("Position", position, soft, &column("set"))
-            .over("set", "actual", &column("act"))
+            .over("set", Line::below("actual", &column("act")))
             .within(&[least, most]),
         strip(
             "Velocity",
@@ -306,12 +309,7 @@ fn errors(report: &Report) -> String {
         _ => return String::new(),
     };
     let micrometres = |values: &[f64]| values.iter().map(|it| 1000.0 * it).collect::<Vec<_>>();
-    let mut plots = plot::bars(
-        "Contour error",
-        "µm",
-        &micrometres(&report.contour_error),
-        60,
-    );
+    let mut plots = plot::histogram("Contour error", "µm", &micrometres(&report.contour_error));
     for axis in &report.axes {
         let unit = if axis.units[0] == "mm" { "µm" } else { "m°" };
         let density = spectrum::of(&micrometres(&axis.following_error), period);

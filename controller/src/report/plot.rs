@@ -1,15 +1,17 @@
 //! Curves and bars over anything but time.
 
 use super::html::escape;
-use super::scale::{Scale, extent, number};
+use super::scale::{Scale, count, extent, number};
 use std::fmt::Write;
 
 const WIDTH: f64 = 560.0;
 const HEIGHT: f64 = 210.0;
-const LEFT: f64 = 70.0;
+const LEFT: f64 = 76.0;
 const RIGHT: f64 = WIDTH - 12.0;
 const TOP: f64 = 12.0;
 const FOOT: f64 = HEIGHT - 30.0;
+/// Bars of a histogram.
+pub(super) const BARS: usize = 64;
 
 /// How values lie along an axis of a plot.
 #[derive(Clone, Copy, PartialEq)]
@@ -19,23 +21,35 @@ pub(super) enum Along {
 }
 
 impl Along {
-    fn place(self, value: f64) -> f64 {
+    pub(super) fn place(self, value: f64) -> f64 {
         match self {
             Self::Evenly => value,
             Self::Decades => value.max(f64::MIN_POSITIVE).log10(),
         }
     }
 
-    /// Places of a scale worth a line, with their names.
-    fn ticks(self, scale: &Scale, count: usize) -> Vec<(f64, String)> {
+    /// Places of a scale worth a line, so many at most, with their names.
+    fn ticks(self, scale: &Scale, most: usize) -> Vec<(f64, String)> {
         if self == Self::Evenly {
-            return scale.ticks(count);
+            return scale.ticks(most);
         }
         let (from, to) = scale.domain;
-        let decades = from.ceil() as i32..=to.floor() as i32;
-        let every = decades.clone().count().div_ceil(count).max(1);
-        let all = decades.step_by(every);
-        all.map(|decade| (f64::from(decade), number(10f64.powi(decade))))
+        let all: Vec<(f64, String)> = (from.floor() as i32..=to.ceil() as i32)
+            .flat_map(|decade| [1.0, 2.0, 5.0].map(|n| n * 10f64.powi(decade)))
+            .map(|tick| (tick.log10(), number(tick)))
+            .filter(|(at, _)| (from..=to).contains(at))
+            .collect();
+        // Whole decades rather than any others.
+        let every = match all.len() > most {
+            true => 3 * (all.len() / 3).div_ceil(most).max(1),
+            false => 1,
+        };
+        let first = all
+            .iter()
+            .position(|(at, _)| every == 1 || at.fract().abs() < 1e-9);
+        all.into_iter()
+            .skip(first.unwrap_or(0))
+            .step_by(every)
             .collect()
     }
 }
@@ -66,7 +80,14 @@ pub(super) fn curves(
     let margin = 0.05 * (reach.1 - reach.0).max(1e-9);
     let x = Scale::new(across, (LEFT, RIGHT));
     let y = Scale::new((reach.0 - margin, reach.1 + margin), (FOOT, TOP));
-    let mut svg = frame(caption, (&x, along, x_unit), (&y, up, y_unit));
+    let mut svg = frame(caption, &y, &up.ticks(&y, 5), y_unit);
+    for (tick, _) in along.ticks(&x, 7) {
+        _ = write!(
+            svg,
+            "<path class=grid d='M{:.1} {TOP}V{FOOT}'/>",
+            x.at(tick)
+        );
+    }
     for (n, curve) in curves.iter().enumerate() {
         let mut d = String::new();
         let mut last = (f64::NAN, f64::NAN);
@@ -91,85 +112,104 @@ pub(super) fn curves(
             );
         }
     }
-    figure(caption, &svg)
+    foot(&mut svg, &x, along, x_unit);
+    figure(caption, &(svg + "</svg>"))
 }
 
-/// How many values lie where, with as many bars.
-pub(super) fn bars(caption: &str, unit: &str, values: &[f64], count: usize) -> String {
-    let finite = || values.iter().copied().filter(|it| it.is_finite());
-    let Some((least, most)) = extent(finite()) else {
-        return String::new();
-    };
-    let width = (most - least).max(1e-12) / count as f64;
-    let mut heights = vec![0_u64; count];
-    for value in finite() {
-        heights[(((value - least) / width) as usize).min(count - 1)] += 1;
-    }
-    let tallest = heights.iter().copied().max().unwrap_or(1);
-    let x = Scale::new((least, most.max(least + 1e-12)), (LEFT, RIGHT));
-    let y = Scale::new((-0.3, (tallest as f64).log10().max(0.7)), (FOOT, TOP));
-    let mut svg = frame(
-        caption,
-        (&x, Along::Evenly, unit),
-        (&y, Along::Decades, "rows"),
-    );
-    let cell = (RIGHT - LEFT) / count as f64;
+/// How many values lie where, by as many bars of equal width from one end of a range of places to the other.
+pub(super) fn bars(
+    caption: &str,
+    unit: &str,
+    along: Along,
+    range: (f64, f64),
+    heights: &[u64],
+) -> String {
+    let tallest = heights.iter().copied().max().unwrap_or(1).max(1) as f64;
+    let x = Scale::new(range, (LEFT, RIGHT));
+    let y = Scale::new((-0.3, tallest.log10().max(0.7)), (FOOT, TOP));
+    let decades = 0..=tallest.log10() as u32;
+    let decades: Vec<_> = decades
+        .map(|decade| (f64::from(decade), count(10u64.pow(decade))))
+        .collect();
+    let mut svg = frame(caption, &y, &decades, "");
+    let cell = (RIGHT - LEFT) / heights.len() as f64;
     for (n, height) in heights.iter().enumerate().filter(|(_, it)| **it > 0) {
         let top = y.at((*height as f64).log10());
         _ = write!(
             svg,
-            "<rect class=bar x={:.1} y={top:.1} width={:.1} height={:.1} />",
+            "<rect class=bar x={:.1} y={top:.1} width={:.1} height={:.1}><title>{}</title></rect>",
             LEFT + n as f64 * cell,
             cell - 1.0,
-            FOOT - top
+            FOOT - top,
+            count(*height)
         );
     }
-    figure(caption, &svg)
+    foot(&mut svg, &x, along, unit);
+    svg + "</svg>"
 }
 
-fn frame(
-    label: &str,
-    (x, along, x_unit): (&Scale, Along, &str),
-    (y, up, y_unit): (&Scale, Along, &str),
-) -> String {
+/// The same of values, evenly.
+pub(super) fn histogram(caption: &str, unit: &str, values: &[f64]) -> String {
+    let finite = || values.iter().copied().filter(|it| it.is_finite());
+    let Some((least, most)) = extent(finite()) else {
+        return String::new();
+    };
+    let width = (most - least).max(1e-12) / BARS as f64;
+    let mut heights = [0_u64; BARS];
+    for value in finite() {
+        heights[(((value - least) / width) as usize).min(BARS - 1)] += 1;
+    }
+    let range = (least, most.max(least + 1e-12));
+    figure(
+        caption,
+        &bars(caption, unit, Along::Evenly, range, &heights),
+    )
+}
+
+/// The beginning of a plot, with lines at some heights and their names.
+fn frame(label: &str, y: &Scale, ticks: &[(f64, String)], unit: &str) -> String {
     let mut svg = format!(
         "<svg class=view viewBox='0 0 {WIDTH} {HEIGHT}' role=img aria-label='{}'>",
         escape(label)
     );
-    for (tick, name) in up.ticks(y, 5) {
-        let at = y.at(tick);
+    for (tick, name) in ticks {
+        let at = y.at(*tick);
         _ = write!(
             svg,
-            "<path class=grid d='M{LEFT} {at:.1}H{RIGHT}'/>\
+            "<path class=grid d='M{LEFT} {at:.1}H{RIGHT:.1}'/>\
              <text class=tick x={:.1} y={:.1} text-anchor=end>{name}</text>",
             LEFT - 6.0,
             at + 3.5
         );
     }
-    for (tick, name) in along.ticks(x, 7) {
-        let at = x.at(tick);
+    if !unit.is_empty() {
+        let (foot, unit) = (HEIGHT - 1.0, escape(unit));
+        _ = write!(svg, "<text class=tick x=4 y={foot:.1}>{unit}</text>");
+    }
+    svg
+}
+
+/// Names along its foot.
+fn foot(svg: &mut String, x: &Scale, along: Along, unit: &str) {
+    for (tick, name) in along.ticks(x, 9) {
         _ = write!(
             svg,
-            "<path class=grid d='M{at:.1} {TOP}V{FOOT}'/>\
-             <text class=tick x={at:.1} y={:.1} text-anchor=middle>{name}</text>",
-            FOOT + 14.0
+            "<text class=tick x={:.1} y={:.1} text-anchor=middle>{name}</text>",
+            x.at(tick),
+            FOOT + 16.0
         );
     }
     _ = write!(
         svg,
-        "<text class=tick x={RIGHT:.1} y={:.1} text-anchor=end>{}</text>\
-         <text class=tick x=4 y={:.1}>{}</text>",
-        HEIGHT - 3.0,
-        escape(x_unit),
-        HEIGHT - 3.0,
-        escape(y_unit)
+        "<text class=tick x={RIGHT:.1} y={:.1} text-anchor=end>{}</text>",
+        HEIGHT - 1.0,
+        escape(unit)
     );
-    svg
 }
 
 fn figure(caption: &str, svg: &str) -> String {
     format!(
-        "<figure><figcaption>{}</figcaption>{svg}</svg></figure>",
+        "<figure><figcaption>{}</figcaption>{svg}</figure>",
         escape(caption)
     )
 }

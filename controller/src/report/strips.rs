@@ -17,6 +17,18 @@ pub(super) struct Line {
     pub(super) stepped: bool,
 }
 
+impl Line {
+    /// One that another is drawn over.
+    pub(super) fn below(name: &'static str, column: &str) -> Self {
+        Self {
+            class: "act",
+            name,
+            column: column.to_owned(),
+            stepped: false,
+        }
+    }
+}
+
 /// One quantity over time.
 #[derive(Serialize)]
 pub(super) struct Strip {
@@ -59,14 +71,8 @@ impl Strip {
     }
 
     /// With another line below its own, which gets a name then.
-    pub(super) fn over(mut self, own: &'static str, name: &'static str, column: &str) -> Self {
+    pub(super) fn over(mut self, own: &'static str, below: Line) -> Self {
         self.lines[0].name = own;
-        let below = Line {
-            class: "act",
-            name,
-            column: column.to_owned(),
-            stepped: false,
-        };
         self.lines.insert(0, below);
         self
     }

@@ -5,6 +5,7 @@ use super::plot::{self, Along, Curve};
 use super::scale::number;
 use crate::observe::loops::{Gain, Response};
 use crate::observe::summary::Summary;
+use crate::observe::switched::coolant_name;
 use std::fmt::Write;
 
 /// Shares of the time, as a bar and in words.
@@ -89,7 +90,7 @@ pub(super) fn outputs(summary: &Summary) -> String {
          <th>Coolant<th>Digital outputs on<th>Analog outputs</tr>\n",
     );
     for state in &summary.switched {
-        let coolant = ["off", "mist", "flood", "mist, flood"][usize::from(state.coolant & 3)];
+        let coolant = coolant_name(state.coolant);
         let digital: Vec<String> = state
             .digital_outputs
             .iter()

@@ -6,6 +6,7 @@
 use super::model::Model;
 use super::signals::DRIVES;
 use crate::control::State;
+use crate::observe::switched::{coolant_name, running};
 use crate::program::counted_speed;
 use crate::session::Status;
 use ratatui::Frame;
@@ -192,12 +193,7 @@ fn value_rows(model: &Model) -> Vec<Line<'static>> {
     let turns = status.spindle_actual;
     let turning =
         turning + &turns.map_or(String::new(), |it| format!(", turns at {:.0}", it.speed));
-    let coolant = match (status.coolant.mist, status.coolant.flood) {
-        (false, false) => "off",
-        (true, false) => "mist",
-        (false, true) => "flood",
-        (true, true) => "mist, flood",
-    };
+    let coolant = coolant_name(running(status.coolant));
     let held = match model.releases {
         true => ", held on and on",
         false => ", steps only",
