@@ -16,8 +16,8 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Clear, Paragraph, Wrap};
 use syncline_gcode::Turning;
 
-/// Columns of the positions: axis, work, machine, to go.
-const POSITIONS: u16 = 44;
+/// Columns of the positions: axis, work, machine, to go with its unit.
+const POSITIONS: u16 = 43;
 /// From this width on the program stands beside the messages.
 const WIDE: u16 = 120;
 
@@ -69,7 +69,7 @@ pub(super) fn draw(frame: &mut Frame, model: &Model) {
         Layout::horizontal([Constraint::Length(POSITIONS), Constraint::Min(20)]).areas(body);
     frame.render_widget(header(model, head.width), head);
     frame.render_widget(Paragraph::new(position_rows(model)), positions);
-    frame.render_widget(Paragraph::new(value_rows(model)), values);
+    frame.render_widget(Paragraph::new(value_rows(model, values.width)), values);
     frame.render_widget(Paragraph::new(signals), wired);
     let modes = Paragraph::new(model.status.modes.as_str()).wrap(Wrap { trim: true });
     frame.render_widget(modes, codes);
@@ -174,8 +174,8 @@ fn position_rows(model: &Model) -> Vec<Line<'static>> {
     rows
 }
 
-/// Speeds, overrides, tool, spindle and switches.
-fn value_rows(model: &Model) -> Vec<Line<'static>> {
+/// Speeds, overrides, tool, spindle, coolant and switches.
+fn value_rows(model: &Model, width: u16) -> Vec<Line<'static>> {
     let status = &model.status;
     let settings = &status.settings;
     let (speed, turns) = counted_speed(&status.velocity);
@@ -185,20 +185,23 @@ fn value_rows(model: &Model) -> Vec<Line<'static>> {
         None => "rapid".to_owned(),
     };
     let on = |on: bool| if on { "on" } else { "off" };
+    // By G96 it is a speed with any number of places.
+    let turns = (status.spindle.speed * 10.0).round() / 10.0;
     let turning = match status.spindle.turning {
         Turning::Off => "off".to_owned(),
-        Turning::Clockwise => format!("M3 S{}", status.spindle.speed),
-        Turning::Counterclockwise => format!("M4 S{}", status.spindle.speed),
+        Turning::Clockwise => format!("M3 S{turns}"),
+        Turning::Counterclockwise => format!("M4 S{turns}"),
     };
     let turns = status.spindle_actual;
     let turning =
         turning + &turns.map_or(String::new(), |it| format!(", turns at {:.0}", it.speed));
-    let coolant = coolant_name(running(status.coolant));
     let held = match model.releases {
         true => ", held on and on",
         false => ", steps only",
     };
-    let row = |name: &str, value: String| Line::raw(format!("{name:<11}{value}"));
+    let row = |name: &str, value: String| {
+        Line::raw(shortened(&format!("{name:<9}{value}"), width.into()))
+    };
     vec![
         row("feed", format!("{programmed}  of the program")),
         row(
@@ -210,17 +213,24 @@ fn value_rows(model: &Model) -> Vec<Line<'static>> {
             ),
         ),
         row(
-            "overrides",
+            "override",
             format!(
                 "feed {} %, rapid {} %",
                 settings.feed_override, settings.rapid_override
             ),
         ),
         row("tool", format!("T{} {}", status.tool, status.tool_name)),
-        row("spindle", format!("{turning}, coolant {coolant}")),
+        row("spindle", turning),
+        row("coolant", coolant_name(running(status.coolant)).to_owned()),
         row("jog", format!("by {} mm{held}", settings.jog_step)),
-        row("block", format!("single {}", on(settings.single_block))),
-        row("M1", format!("stops {}", on(settings.optional_stop))),
+        row(
+            "stops",
+            format!(
+                "single block {}, M1 {}",
+                on(settings.single_block),
+                on(settings.optional_stop)
+            ),
+        ),
     ]
 }
 
@@ -341,9 +351,11 @@ fn draw_keys(frame: &mut Frame) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::MeasuredSample;
+    use crate::control::{MeasuredSample, SpindleSample};
     use crate::machine::Machine;
     use crate::session::{Settings, Squareness, Stopped};
+    use proptest::prelude::*;
+    use proptest::sample::select;
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
     use syncline_drives::model::PowerState;
@@ -501,6 +513,54 @@ mod tests {
         });
         model.prompt = Some("mdi G0 X0".to_owned());
         insta::assert_snapshot!(drawn(&model, 80, 24));
+    }
+
+    proptest! {
+        /// Speeds, overrides, spindle, coolant, jog and stops have their places, whatever they are.
+        #[test]
+        fn no_value_is_cut_off_at_80_columns(
+            (speed, actual, rotary) in (0.0..2000.0f64, 0.0..2000.0f64, any::<bool>()),
+            (turning, told, turns) in (
+                select(vec![Turning::Off, Turning::Clockwise, Turning::Counterclockwise]),
+                0.0..60_000.0f64,
+                prop::option::of(-60_000.0..60_000.0f64),
+            ),
+            (mist, flood) in any::<(bool, bool)>(),
+            (feed, rapid) in (0..=200u32, 0..=100u32),
+            jog_step in select(vec![0.01, 0.1, 1.0, 10.0, 100.0]),
+            (single_block, optional_stop, releases) in any::<(bool, bool, bool)>(),
+        ) {
+            let mut model = model();
+            let status = &mut model.status;
+            status.velocity[0] = 0.0;
+            status.velocity[if rotary { 3 } else { 1 }] = speed;
+            (status.spindle.turning, status.spindle.speed) = (turning, told);
+            status.spindle_actual = turns.map(|speed| SpindleSample { speed, turns: 0.0, age: 0 });
+            (status.coolant.mist, status.coolant.flood) = (mist, flood);
+            status.settings = Settings {
+                feed_override: f64::from(feed),
+                rapid_override: f64::from(rapid),
+                jog_step,
+                single_block,
+                optional_stop,
+            };
+            (model.speed, model.releases) = (actual, releases);
+            let screen = drawn(&model, 80, 24);
+            prop_assert!(!screen.contains('…'), "{}", screen);
+            let on = |on: bool| if on { "on" } else { "off" };
+            let held = if releases { "held on and on" } else { "steps only" };
+            let mut shown = vec![
+                format!("min, actual {:.0}", actual * 60.0),
+                format!("feed {feed} %, rapid {rapid} %"),
+                format!("coolant  {}", coolant_name(running(model.status.coolant))),
+                format!("jog      by {jog_step} mm, {held}"),
+                format!("stops    single block {}, M1 {}", on(single_block), on(optional_stop)),
+            ];
+            shown.extend(turns.map(|turns| format!(", turns at {turns:.0}")));
+            for text in shown {
+                prop_assert!(screen.contains(&format!("{text} ")) || screen.contains(&format!("{text}\"")), "{} in {}", text, screen);
+            }
+        }
     }
 
     #[test]
