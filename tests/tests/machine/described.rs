@@ -16,6 +16,36 @@ use syncline_tests::rig::Rig;
 
 const MODEL: &str = "model = \"servo.toml\"";
 
+/// The generic drive's data sheet with one mode, no other PDOs than are said, and no vendor ID. In those two the maker has mapped the
+/// controlword and the statusword, and `fixed` behind them, if that is said.
+pub(super) fn sheet(mode: u8, pdos: u8, [r_pdo, t_pdo]: [u8; 2], fixed: Option<[u32; 2]>) -> Eds {
+    let mut eds = Eds::of(CIA402_CSP);
+    for (first, most) in [(0x1400, pdos.max(r_pdo)), (0x1800, pdos.max(t_pdo))] {
+        eds.objects.retain(|&index, _| {
+            let of = matches!(index & !0x3, it if it == first || it == first + 0x200);
+            !of || index % 4 < u16::from(most)
+        });
+    }
+    let modes = eds.objects.get_mut(&0x6502).unwrap();
+    modes.subs.get_mut(&0).unwrap().default = Some(Number(1 << (mode - 1)));
+    if let Some([setpoint, actual]) = fixed {
+        for (index, first, second) in [
+            (0x15FF + u16::from(r_pdo), 0x6040_0010, setpoint),
+            (0x19FF + u16::from(t_pdo), 0x6041_0010, actual),
+        ] {
+            let mapping = eds.objects.get_mut(&index).unwrap();
+            for (sub, value) in [(0, 2), (1, first), (2, second)] {
+                let parameter = mapping.subs.get_mut(&sub).unwrap();
+                parameter.default = Some(Number(value.into()));
+                parameter.access = Access::Ro;
+            }
+        }
+    }
+    let identity = eds.objects.get_mut(&0x1018).unwrap();
+    identity.subs.get_mut(&1).unwrap().default = None;
+    eds
+}
+
 /// A description of X; Y stays the example's.
 #[derive(Clone, Debug)]
 struct Description {
@@ -112,7 +142,13 @@ impl Description {
 
     /// Its files; the name of the one that a machine file names.
     fn write(&self, folder: &Folder) -> String {
-        let mut eds = Eds::of(CIA402_CSP);
+        let mapped = [self.setpoint(), 0x6064_0020];
+        let mut eds = sheet(
+            self.mode,
+            self.pdos,
+            [self.r_pdo, self.t_pdo],
+            self.fixed_mapping.then_some(mapped),
+        );
         if !self.has_resolution {
             eds.objects
                 .retain(|index, _| ![0x608F, 0x6091].contains(index));
@@ -120,42 +156,9 @@ impl Description {
         if !self.has_period {
             eds.objects.remove(&0x60C2);
         }
-        // It has no other PDOs than are said.
-        for (first, most) in [
-            (0x1400, self.pdos.max(self.r_pdo)),
-            (0x1800, self.pdos.max(self.t_pdo)),
-        ] {
-            eds.objects.retain(|&index, _| {
-                let of = matches!(index & !0x3, it if it == first || it == first + 0x200);
-                !of || index % 4 < u16::from(most)
-            });
-        }
-        // It tells the modes that it has.
-        let modes = eds.objects.get_mut(&0x6502).unwrap();
-        modes.subs.get_mut(&0).unwrap().default = Some(Number(1 << (self.mode - 1)));
         let setpoint = (self.setpoint() >> 16) as u16;
         eds.objects
             .retain(|index, _| ![0x607A, 0x60C1, 0x60FF].contains(index) || *index == setpoint);
-        if self.fixed_mapping {
-            for (index, second) in [
-                (0x15FF + u16::from(self.r_pdo), self.setpoint()),
-                (0x19FF + u16::from(self.t_pdo), 0x6064_0020),
-            ] {
-                let first = if index < 0x1A00 {
-                    0x6040_0010
-                } else {
-                    0x6041_0010
-                };
-                let mapping = eds.objects.get_mut(&index).unwrap();
-                for (sub, value) in [(0, 2), (1, first), (2, second)] {
-                    let parameter = mapping.subs.get_mut(&sub).unwrap();
-                    parameter.default = Some(Number(value.into()));
-                    parameter.access = Access::Ro;
-                }
-            }
-        }
-        let identity = eds.objects.get_mut(&0x1018).unwrap();
-        identity.subs.get_mut(&1).unwrap().default = None;
         let _sheet = folder.file("drive.eds", &eds.to_string());
         let flag = u8::from;
         let text = format!(
@@ -200,6 +203,7 @@ const PROGRAM: &str = "G21 G90\nG0 X30 Y10\nG1 F9000 X40\nG3 X50 Y20 J10\nG0 X0 
 fn the_examples_pass_and_are_the_same_each_time() {
     passes_and_is_the_same_each_time("described");
     passes_and_is_the_same_each_time("velocity");
+    passes_and_is_the_same_each_time("inverter");
 }
 
 fn passes_and_is_the_same_each_time(example: &str) {

@@ -2,14 +2,16 @@
 
 use proptest::prelude::*;
 use proptest::sample::select;
-use syncline_canopen::{CobId, NodeId};
+use syncline_canopen::{CanId, CobId, Frame, NodeId};
 use syncline_controller::control::{End, Fault, Phase};
 use syncline_controller::machine::Machine;
 use syncline_controller::program::Programs;
+use syncline_drives::bus::Sender;
 use syncline_drives::twin::Disturbance;
-use syncline_tests::command::machine_file;
+use syncline_tests::command::{Folder, machine_file};
 use syncline_tests::rig::Rig;
 
+use super::described::sheet;
 use super::driven_spindle::{
     self, CUT, FROM_NEAR, LOSSES, SPINDLE, TWO_SPEEDS, assert_cuts_at_speed, assert_let_go_at_rest,
     assert_lost, assert_resumes_behind_a_fault, assert_stands_before_power_is_taken_off,
@@ -171,6 +173,148 @@ fn after_a_fault_it_stands_and_has_its_speed_again_before_the_cut_goes_on() {
 fn each_loss_of_it_stops_the_axes_on_their_path_with_its_own_message() {
     for loss in LOSSES {
         assert_lost(drill(CUT), "VL", 400, loss);
+    }
+}
+
+// --- a file describes it ---
+
+/// What a file says of the drive.
+#[derive(Clone, Debug)]
+struct Description {
+    /// Units of speed at so many revolutions a minute.
+    unit: [u32; 2],
+    has_dimension_factor: bool,
+    pdos: u8,
+    /// Which PDOs it is sent and sends.
+    numbers: [u8; 2],
+    fixed_mapping: bool,
+    vendor_id: u32,
+}
+
+impl Description {
+    /// A unit is 1 1/min at most, and 3000 1/min have room in 16 bits.
+    fn any() -> impl Strategy<Value = Self> {
+        let unit = (1..=10u32, 1..=20u32).prop_map(|(finer, rpm)| [finer * rpm, rpm]);
+        let pdos = (1..=4u8, 1..=4u8, 1..=4u8);
+        (unit, any::<[bool; 2]>(), pdos, any::<u32>()).prop_map(
+            |(unit, [has_dimension_factor, fixed_mapping], (r_pdo, t_pdo, pdos), vendor_id)| Self {
+                unit,
+                has_dimension_factor,
+                pdos,
+                numbers: [r_pdo, t_pdo],
+                fixed_mapping,
+                vendor_id,
+            },
+        )
+    }
+
+    /// The machine file's line that names its file.
+    fn write(&self, folder: &Folder) -> String {
+        let fixed = self.fixed_mapping.then_some([0x6042_0010, 0x6044_0010]);
+        let mut eds = sheet(2, self.pdos, self.numbers, fixed);
+        // It is no servo drive, and tells no position.
+        eds.objects.retain(|index, _| {
+            !matches!(index, 0x6064..=0x606C | 0x607A..=0x607F | 0x6083..=0x60FF)
+                && (self.has_dimension_factor || *index != 0x604C)
+        });
+        let _sheet = folder.file("drive.eds", &eds.to_string());
+        let [units, rpm] = self.unit;
+        let [r_pdo, t_pdo] = self.numbers;
+        let text = format!(
+            "name = \"drawn\"\ngeneric = \"cia402_vl\"\neds = \"drive.eds\"\nvelocity_units = {units}\n\
+             velocity_rpm = {rpm}\nhas_dimension_factor = {}\npdos = {}\nr_pdo = {r_pdo}\nt_pdo = {t_pdo}\n\
+             fixed_mapping = {}\nvendor_id = {}\n",
+            u8::from(self.has_dimension_factor),
+            self.pdos,
+            u8::from(self.fixed_mapping),
+            self.vendor_id,
+        );
+        let file = folder.file("drive.toml", &text);
+        format!("model = {:?}", file.display().to_string())
+    }
+}
+
+#[test]
+fn a_description_that_says_nothing_is_the_generic_drive() {
+    let folder = Folder::new();
+    let _sheet = folder.file("plain.eds", &sheet(2, 4, [1, 1], None).to_string());
+    let plain = "name = \"plain\"\ngeneric = \"cia402_vl\"\neds = \"plain.eds\"\n";
+    let file = folder.file("plain.toml", plain);
+    let frames = |model: &str| {
+        let model = format!("model = {model:?}");
+        let mut rig = driven_spindle::drill_with(&[(PV, &*model)], TWO_SPEEDS, |_, _| ());
+        assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+        let frames = rig.frames();
+        // The generic drive knows other modes, too, and says so.
+        let sent = frames.iter().filter(|it| it.sender == Sender::Port);
+        let sent = sent.map(|it| (it.end, it.frame));
+        sent.collect::<Vec<(_, Frame)>>()
+    };
+    assert_eq!(frames(&file.display().to_string()), frames("cia402_vl"));
+}
+
+#[test]
+fn another_makers_drive_is_refused() {
+    let folder = Folder::new();
+    let described = Description {
+        unit: [1, 1],
+        has_dimension_factor: false,
+        pdos: 1,
+        numbers: [1, 1],
+        fixed_mapping: true,
+        vendor_id: 0x1234,
+    };
+    let model = described.write(&folder);
+    let mut rig = driven_spindle::drill_with(&[(PV, &*model)], TWO_SPEEDS, |_, _| ());
+    rig.twin(SPINDLE).disturb(Disturbance::Vendor(0x4321));
+    let told = rig.finish_with_fault().describe(&*rig.layout);
+    let expected = "1018h:1 (vendor ID) reads 00004321h, expected 00001234h";
+    assert!(
+        told.contains("spindle, drawn") && told.contains(expected),
+        "{told}"
+    );
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+
+    /// Whatever a valid description says, the spindle turns as the program says, by the PDOs that it names.
+    #[test]
+    fn it_turns_as_told_whatever_describes_it(
+        description in Description::any(),
+        speeds in prop::collection::vec((60..=3000u32, any::<bool>()), 1..4),
+    ) {
+        let folder = Folder::new();
+        let model = description.write(&folder);
+        let mut program = String::from("G21 G90 G61 F3000\n");
+        for (number, (speed, back)) in speeds.iter().enumerate() {
+            let code = if *back { 4 } else { 3 };
+            program += &format!("M{code} S{speed}\nG1 X{}\n", 10 * (number + 1));
+        }
+        program += "M5\nM2\n";
+        let mut rig = driven_spindle::drill_with(&[(PV, &*model)], &program, |_, _| ());
+        for (number, (speed, back)) in speeds.iter().enumerate() {
+            let place = 10.0 * number as f64 + 5.0;
+            rig.run_until(|rig| {
+                let row = rig.rows.last();
+                row.is_some_and(|row| row.plan.position[0] > place) || rig.end().is_some()
+            });
+            let wanted = f64::from(*speed) * if *back { -1.0 } else { 1.0 };
+            let turns = turns_at(&mut rig);
+            // What the example lets it differ by, and what a unit leaves.
+            let window = 0.03 * wanted.abs() + 4.0;
+            prop_assert!((turns - wanted).abs() <= window, "{} for {} 1/min", turns, wanted);
+        }
+        prop_assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+        assert_let_go_at_rest(&mut rig);
+        let node = NodeId::new(4).unwrap();
+        let frames = rig.frames();
+        let [r_pdo, t_pdo] = description.numbers;
+        for number in 1..=4 {
+            let used = |id: CobId| frames.iter().any(|it| it.frame.id() == CanId::from(id));
+            prop_assert_eq!(used(CobId::r_pdo(number, node)), number == r_pdo);
+            prop_assert_eq!(used(CobId::t_pdo(number, node)), number == t_pdo);
+        }
     }
 }
 
