@@ -24,6 +24,7 @@ mod tlc5xx_modes;
 mod tlc5xx_node;
 mod tlc5xx_random_frames;
 mod tsp10_dictionary;
+mod tsp10_golden_vectors;
 mod tsp10_node;
 mod twk_crn_dictionary;
 mod twk_crn_golden_vectors;
