@@ -326,6 +326,28 @@ proptest! {
     }
 }
 
+proptest! {
+    /// However many T_PDOs come to each SYNC, one that is taken answers a SYNC that nothing else has answered: what came late
+    /// is owed no more.
+    #[test]
+    fn no_more_is_taken_than_was_asked_for(counts in prop::collection::vec(0..5_usize, 1..30)) {
+        let layout = two_pdos_each();
+        let mut node = DeviceNode::new(0, &layout);
+        let mut positions = 1..;
+        let mut taken = 0;
+        'run: for (syncs, count) in (1..).zip(counts) {
+            node.on_sync();
+            for position in positions.by_ref().take(count) {
+                if take(&mut node, position).is_err() {
+                    break 'run;
+                }
+                taken += u32::from(node.actual() == Increments::new(position.into()));
+            }
+            prop_assert!(taken <= syncs, "{taken} to {syncs} SYNCs");
+        }
+    }
+}
+
 /// One that answers behind the next SYNC more than twice and then catches up cannot be told from two devices: what it was
 /// taken for in between is not known, so the machine stops.
 #[test]
