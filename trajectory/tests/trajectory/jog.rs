@@ -121,7 +121,8 @@ impl Machine {
                     "{now:?}"
                 );
                 assert!(within(now.jerk[axis], LIMITS.jerk[axis]), "{now:?}");
-                assert!((min..=max).contains(&now.position[axis]), "{now:?}");
+                let bounds = min - 1e-12..=max + 1e-12;
+                assert!(bounds.contains(&now.position[axis]), "{now:?}");
             }
             for window in self.rows.windows(4) {
                 let [a, b, c, d] = [0, 1, 2, 3].map(|k| window[k].position[axis]);
@@ -761,5 +762,105 @@ prop_assert!(shown.is_none() || legs < 3);
         prop_assert_eq!(machine.now().position, [100.0, 60.0, 0.0]);
         // What G61 allows at the corner.
         prop_assert!(machine.off_the_path() < 0.002, "{}", machine.off_the_path());
+    }
+}
+
+/// What an operator does to a path with rests in it.
+#[derive(Debug, Clone, Copy)]
+enum Deed {
+    Hold,
+    Resume,
+    Retrace,
+    Pass,
+    Jog(Jog<3>),
+    EndJog(usize),
+    Overrides(f64, f64),
+    SingleBlock(bool),
+}
+
+fn deed() -> impl Strategy<Value = Deed> {
+    let speed = prop_oneof![-200.0..-1.0_f64, 1.0..200.0_f64];
+    let part = || prop_oneof![Just(0.0), Just(1.0), 0.05..1.0_f64];
+    prop_oneof![
+        4 => Just(Deed::Hold),
+        5 => Just(Deed::Resume),
+        1 => Just(Deed::Retrace),
+        2 => Just(Deed::Pass),
+        3 => (0..3_usize, -8.0..8.0_f64).prop_map(|(axis, distance)| Deed::Jog(step(axis, distance))),
+        1 => (0..3_usize, speed).prop_map(|(axis, velocity)| Deed::Jog(Jog::Continuous { axis, velocity })),
+        1 => (0..3_usize).prop_map(Deed::EndJog),
+        1 => (part(), part()).prop_map(|(feed, rapid)| Deed::Overrides(feed, rapid)),
+        1 => any::<bool>().prop_map(Deed::SingleBlock),
+    ]
+}
+
+/// A rest between two moves of a path.
+#[derive(Debug, Clone, Copy)]
+enum Rest {
+    Dwell(f64),
+    Mark,
+}
+
+fn rests() -> impl Strategy<Value = Vec<Rest>> {
+    let rest = prop_oneof![2 => (0.0..0.4_f64).prop_map(Rest::Dwell), 1 => Just(Rest::Mark)];
+    prop::collection::vec(rest, 0..3)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(100) })]
+
+    /// Nothing that is done beside a path, for however long, in a dwell or at a mark, has it jump or lose its end.
+    #[test]
+    fn a_path_with_rests_is_gone_to_its_end_whatever_is_done_in_them(
+        moves in prop::collection::vec(([0.0..100.0_f64, 0.0..100.0, -20.0..0.0], rests()), 1..4),
+        deeds in prop::collection::vec((deed(), 0..600_usize), 0..12),
+    ) {
+        let mut machine = Machine::at_rest([0.0; 3]);
+        let mut end = [0.0; 3];
+        let mut marks = 0;
+        for (to, rests) in moves {
+            let Ok(curve) = Curve::line(end, to) else { continue };
+            machine.planner.push(PathItem::Move(Move {
+                curve,
+                feed: Feed::Rate(150.0),
+                mode: PathControlMode::Exact(0.001),
+                tag: 0,
+            })).unwrap();
+            end = to;
+            for rest in rests {
+                match rest {
+                    Rest::Dwell(duration) => machine.planner.push(PathItem::Dwell { duration, tag: 0 }).unwrap(),
+                    Rest::Mark => {
+                        marks += 1;
+                        machine.planner.mark(marks);
+                    }
+                }
+            }
+        }
+        machine.planner.finish();
+        for (deed, cycles) in deeds {
+            match deed {
+                Deed::Hold => machine.executor.feed_hold(),
+                Deed::Resume => machine.executor.resume(),
+                Deed::Retrace => machine.executor.retrace(),
+                Deed::Pass => machine.executor.pass(),
+                // Refused where the path moves.
+                Deed::Jog(jog) => drop(machine.jog(jog)),
+                Deed::EndJog(axis) => machine.executor.end_jog(axis),
+                Deed::Overrides(feed, rapid) => machine.executor.set_overrides(Overrides { feed, rapid }),
+                Deed::SingleBlock(on) => machine.executor.set_single_block(on),
+            }
+            machine.cycles(cycles);
+        }
+        machine.executor.set_overrides(Overrides::default());
+        machine.executor.set_single_block(false);
+        for _ in 0..=2 * marks + 20 {
+            machine.executor.resume();
+            machine.executor.pass();
+            machine.cycles(3_000);
+        }
+        machine.assert_well();
+        prop_assert_eq!(machine.now().position, end);
+        prop_assert!(!machine.now().busy, "{:?}", machine.now());
     }
 }

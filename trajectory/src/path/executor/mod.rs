@@ -525,11 +525,7 @@ impl<const N: usize> Executor<N> {
     /// Goes on by one cycle.
     pub fn advance(&mut self) -> Setpoint<N> {
         self.cycle += 1;
-        if let Activity::Jogging { axes, .. } = &mut self.activity {
-            axes.advance(self.overrides.rapid);
-            self.come_back();
-            return self.setpoint();
-        }
+        // Also a dwell in which the axes are jogged: what comes behind it begins when it is over, or later.
         while let Some(step) = self.current() {
             let duration = step.duration();
             // What takes no time is over at once, also where rounding puts its beginning later.
@@ -537,6 +533,11 @@ impl<const N: usize> Executor<N> {
                 break;
             }
             self.finish_step(*step, duration);
+        }
+        if let Activity::Jogging { axes, .. } = &mut self.activity {
+            axes.advance(self.overrides.rapid);
+            self.come_back();
+            return self.setpoint();
         }
         if let Some(Step::JerkSegment(segment)) = self.current() {
             let (ds, _, _) = segment.at(self.since(self.began));
