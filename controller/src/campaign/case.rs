@@ -83,11 +83,14 @@ impl Case {
         machine.shape(&mut Dice::new(seed, 13));
         machine.stream(&mut Dice::new(seed, 14));
         machine.describe(&mut Dice::new(seed, 15));
+        machine.measure(&mut Dice::new(seed, 17));
+        machine.turn(&mut Dice::new(seed, 19));
         let dice = &mut Dice::new(seed, 1);
         let programs = (0..dice.whole(1..=3)).map(|_| program::draw(dice, &machine));
         let programs = programs.chain(program::special(&mut Dice::new(seed, 6), &machine));
         let mut programs: Vec<_> = programs.collect();
         program::go(&mut Dice::new(seed, 16), &machine, &mut programs);
+        program::read_inputs(&mut Dice::new(seed, 18), &machine, &mut programs);
         let dice = &mut Dice::new(seed, 2);
         let seconds = dice.between(DURATION.0, DURATION.1);
         let cycles = (seconds * 1e6 / f64::from(machine.cycle_us)) as u32;

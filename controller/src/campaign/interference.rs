@@ -276,7 +276,7 @@ const DRAWS: usize = 2000;
 /// Random interference of this kind, as [`Interference::kind`] names it, if it is one that may come at any
 /// time.
 pub(super) fn of_kind(dice: &mut Dice, machine: &MachineSpec, kind: &str) -> Option<Interference> {
-    let inputs = machine.wires().filter(|(_, wire)| wire.table == "input");
+    let inputs = machine.wires().filter(|(_, wire)| wire.is_digital_input());
     let switched = inputs.flat_map(|(drive, wire)| {
         [true, false].map(|on| Interference::Drive(drive, ToDrive::Input(wire.place, on)))
     });
@@ -396,7 +396,7 @@ pub(super) fn switch_inputs(
     cycles: u32,
     troubles: &mut Vec<Trouble>,
 ) {
-    for (drive, wire) in machine.wires().filter(|(_, wire)| wire.table == "input") {
+    for (drive, wire) in machine.wires().filter(|(_, wire)| wire.is_digital_input()) {
         let seldom = wire.is_enable() || wire.is_home();
         if !dice.chance(if seldom { 0.2 } else { 0.7 }) {
             continue;

@@ -37,7 +37,9 @@ pub use case::{Case, When};
 pub use checkers::{Checkers, Found, Violation};
 pub use coverage::Coverage;
 pub use interference::{Change, Interference, Tampering, ToBus, ToDrive, Traffic, Trouble};
-pub use machine::{AxisSpec, DeviceSpec, EncoderSpec, IoSpec, MachineSpec, ShaperSpec, Wire};
+pub use machine::{
+    AxisSpec, DeviceSpec, EncoderSpec, IoSpec, MachineSpec, ShaperSpec, SpindleSpec, Wire,
+};
 pub use operator::Deed;
 pub use stage::{Seen, Wanted};
 

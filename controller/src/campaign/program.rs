@@ -115,6 +115,36 @@ pub(super) fn go(dice: &mut Dice, machine: &MachineSpec, programs: &mut [Vec<Str
     }
 }
 
+/// Has programs ask what inputs are (M66 L0), in between, and read what they are told (#5399).
+pub(super) fn read_inputs(dice: &mut Dice, machine: &MachineSpec, programs: &mut [Vec<String>]) {
+    let digital = machine.numbers("input").into_iter().map(|it| ('P', it));
+    let analog = machine.analog_inputs().into_iter().map(|it| ('E', it));
+    let inputs: Vec<(char, u8)> = digital.chain(analog).collect();
+    if inputs.is_empty() {
+        return;
+    }
+    for program in &mut *programs {
+        for _ in 0..dice.whole(0..=4) {
+            let (letter, number) = *dice.pick(&inputs);
+            let place = dice.whole(1..=program.len() as u32) as usize;
+            // Where the cutter is compensated nothing may be asked, and nothing is read behind the end.
+            let before = program[..place].iter().rev();
+            let words = ["G40", "G41", "G42", "M2", "M30"];
+            let mut last =
+                before.filter_map(|line| words.iter().find(|word| line.contains(**word)));
+            if !matches!(last.next(), None | Some(&"G40")) {
+                continue;
+            }
+            let asks = format!("M66 {letter}{number} L0");
+            let reads = ["#<found> = #5399", "G4 P[0.01 * #5399 * #5399]"];
+            program.insert(place, (*dice.pick(&reads)).to_owned());
+            if dice.chance(0.8) {
+                program.insert(place, asks);
+            }
+        }
+    }
+}
+
 /// Where a simulated axis stands when it is switched on.
 fn rest(axis: &AxisSpec) -> f64 {
     let [least, most] = axis.soft_limits;

@@ -8,7 +8,7 @@ use super::super::interference::{Interference, ToDrive};
 use super::script::{Reading, Script, Switched};
 use super::{Checker, Found, Scene};
 use crate::control::{self, Outcome, State};
-use crate::machine::{AnalogSource, Machine, OutputSwitch};
+use crate::machine::{AnalogSource, Machine, OutputSwitch, SpindleDrive};
 use crate::observe::mapping::{Heard, PdoMappings};
 use crate::session::{Accepted, Command, Event};
 use std::collections::VecDeque;
@@ -77,6 +77,8 @@ enum What {
         full_scale: f64,
         source: AnalogSource,
     },
+    /// The speed that a spindle's drive is sent, with so many units for 1/min.
+    Speed { units: f64 },
 }
 
 /// The nodes of a bus that have outputs.
@@ -121,6 +123,14 @@ impl What {
                 };
                 scaled(value, *full_scale)
             }
+            Self::Speed { units } => {
+                let speed = switched.speed * units;
+                match switched.turns {
+                    None => 0,
+                    Some(false) => speed.round() as i32,
+                    Some(true) => (-speed).round() as i32,
+                }
+            }
         }
     }
 
@@ -139,6 +149,9 @@ impl What {
             (0x6411, Self::Analog { .. }) if usize::from(sub) == number + 1 => {
                 Some((value as i16).into())
             }
+            // CiA 402's target velocity, and that of its velocity mode.
+            (0x60FF, Self::Speed { .. }) => Some(value as i32),
+            (0x6042, Self::Speed { .. }) => Some((value as i16).into()),
             _ => None,
         }
     }
@@ -224,7 +237,7 @@ impl Outputs {
                         | OutputSwitch::SpindleReverse
                         | OutputSwitch::EnableChain => {}
                     },
-                    What::Analog { .. } => {}
+                    What::Analog { .. } | What::Speed { .. } => {}
                 }
             }
         }
@@ -516,9 +529,28 @@ fn wired(machine: &Machine) -> (Vec<Output>, Vec<(usize, usize)>) {
         let safe = scaled(it.safe, it.full_scale);
         (output(&it.name, what, safe), (it.node, it.place))
     });
-    let mut all: Vec<_> = digital.chain(analog).collect();
+    let speed = machine.spindle_drive().map(|(node, drive)| {
+        let units = units_of(machine, drive);
+        (output("speed", What::Speed { units }, 0), (node, 0))
+    });
+    let mut all: Vec<_> = digital.chain(analog).chain(speed).collect();
     all.sort_by_key(|(_, wired)| *wired);
     all.into_iter().unzip()
+}
+
+/// What the drive of a spindle counts at 1/min.
+fn units_of(machine: &Machine, drive: &SpindleDrive) -> f64 {
+    let assumed = machine.assumed(drive.model).0;
+    let of = |name: &str| {
+        let mut stated = assumed.iter().filter(|(known, _)| *known == name);
+        let usual = (drive.model.assumptions.iter()).find(|it| it.name == name);
+        let stated = stated.next().map(|it| it.1);
+        stated.or(usual.map(|it| it.default)).unwrap_or(0)
+    };
+    match [of("velocity_units"), of("velocity_rpm")].map(f64::from) {
+        [0.0, _] => f64::from(of("encoder_increments")) / 60.0,
+        [units, rpm] => units / rpm,
+    }
 }
 
 /// Nothing has happened that changes when bursts leave.

@@ -84,6 +84,41 @@ pub struct MachineSpec {
     /// What it says of models: whole tables.
     #[serde(default)]
     pub models: Vec<String>,
+    /// What turns its spindle.
+    #[serde(default)]
+    pub spindle: Option<SpindleSpec>,
+}
+
+/// A drive that turns the spindle.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SpindleSpec {
+    /// Its place among the buses.
+    pub bus: usize,
+    /// Its node id.
+    pub node: u8,
+    /// What it is.
+    pub model: String,
+    /// From rest to the greatest speed, ms.
+    pub ramp_ms: u32,
+}
+
+/// No program asks for more, 1/min.
+const FASTEST: u32 = 10_000;
+
+impl SpindleSpec {
+    fn write(&self, text: &mut String) {
+        let Self {
+            bus,
+            node,
+            model,
+            ramp_ms,
+        } = self;
+        let _ = write!(
+            text,
+            "\n[[drive]]\nname = \"spindle\"\nbus = \"bus{bus}\"\nnode = {node}\nmodel = \"{model}\"\n\n\
+             [spindle]\ndrive = \"spindle\"\nmax_speed = {FASTEST}\nramp_ms = {ramp_ms}\n"
+        );
+    }
 }
 
 /// A shaper of a machine's setpoints.
@@ -134,6 +169,7 @@ impl MachineSpec {
             io_nodes: Vec::new(),
             shaper: None,
             models: Vec::new(),
+            spindle: None,
         }
     }
 
@@ -184,6 +220,7 @@ impl MachineSpec {
             io_nodes: Vec::new(),
             shaper: None,
             models: Vec::new(),
+            spindle: None,
         };
         spec.number(dice);
         spec
@@ -209,6 +246,9 @@ impl MachineSpec {
                 self.buses.remove(bus);
                 for io in self.io_nodes.iter_mut().filter(|io| io.bus >= bus) {
                     io.bus = io.bus.saturating_sub(1);
+                }
+                if let Some(spindle) = self.spindle.as_mut().filter(|it| it.bus >= bus) {
+                    spindle.bus = spindle.bus.saturating_sub(1);
                 }
                 let encoders = self.axes.iter_mut().filter_map(|it| it.encoder.as_mut());
                 for encoder in encoders.filter(|encoder| encoder.bus >= bus) {
@@ -273,6 +313,47 @@ impl MachineSpec {
         }
         if equipped.fits() {
             *self = equipped;
+        }
+    }
+
+    /// Wires analog inputs to some I/O nodes, where the buses have room for what they tell.
+    pub(super) fn measure(&mut self, dice: &mut Dice) {
+        let mut measuring = self.clone();
+        for (place, io) in measuring.io_nodes.iter_mut().enumerate() {
+            io.measure(dice, place as u8);
+        }
+        if measuring.fits() {
+            *self = measuring;
+        }
+    }
+
+    /// Has a drive turn the spindle of some machines, where the buses have room for it.
+    pub(super) fn turn(&mut self, dice: &mut Dice) {
+        if !dice.chance(0.25) {
+            return;
+        }
+        let period = Duration::from_micros(self.cycle_us.into());
+        let models = MODELS.iter();
+        let models = models.filter(|it| it.turns_spindles() && it.takes_cycle(period));
+        let models: Vec<&str> = models.map(|model| model.name).collect();
+        if models.is_empty() {
+            return;
+        }
+        let mut spindle = SpindleSpec {
+            bus: dice.below(self.buses.len()),
+            node: dice.whole(1..=126) as u8,
+            model: (*dice.pick(&models)).to_owned(),
+            ramp_ms: *dice.pick(&[100, 300, 1500]),
+        };
+        while self.nodes().any(|used| used == (spindle.bus, spindle.node)) {
+            spindle.node = dice.whole(1..=126) as u8;
+        }
+        let turned = Self {
+            spindle: Some(spindle),
+            ..self.clone()
+        };
+        if turned.fits() {
+            *self = turned;
         }
     }
 
@@ -454,8 +535,20 @@ impl MachineSpec {
 
     /// The numbers by which programs know what is wired in a table.
     pub(super) fn numbers(&self, table: &str) -> Vec<u8> {
-        let wires = self.wires().filter(|(_, wire)| wire.table == table);
-        let wires = wires.filter(|(_, wire)| !wire.signal.starts_with("AO"));
+        let is_digital = |wire: &Wire| match table {
+            "input" => wire.is_digital_input(),
+            _ => wire.table == table && !wire.signal.starts_with("AO"),
+        };
+        self.numbers_of(is_digital)
+    }
+
+    /// Those of its analog inputs.
+    pub(super) fn analog_inputs(&self) -> Vec<u8> {
+        self.numbers_of(|wire| wire.table == "input" && !wire.is_digital_input())
+    }
+
+    fn numbers_of(&self, is_meant: impl Fn(&Wire) -> bool) -> Vec<u8> {
+        let wires = self.wires().filter(|(_, wire)| is_meant(wire));
         let number = |(_, wire): (usize, &Wire)| {
             let number = wire.meaning.strip_prefix(NUMBER)?;
             number.lines().next()?.parse().ok()
@@ -504,6 +597,9 @@ impl MachineSpec {
         for (place, io) in self.io_nodes.iter().enumerate() {
             io.write(place, &mut text);
         }
+        if let Some(spindle) = &self.spindle {
+            spindle.write(&mut text);
+        }
         if let Some(ShaperSpec { kind, modes }) = &self.shaper {
             let modes = modes
                 .iter()
@@ -550,6 +646,7 @@ mod tests {
     #[test]
     fn whatever_is_wired_is_good() {
         let (mut wires, mut homed, mut switches, mut encoders, mut shapers) = (0, 0, 0, 0, 0);
+        let (mut spindles, mut measured) = (0, 0);
         let (mut velocities, mut goers, mut steppers, mut loops, mut described) = (0, 0, 0, 0, 0);
         for seed in 0..300 {
             let mut spec = MachineSpec::draw(&mut Dice::new(seed, 0));
@@ -560,6 +657,8 @@ mod tests {
             spec.shape(&mut Dice::new(seed, 13));
             spec.stream(&mut Dice::new(seed, 14));
             spec.describe(&mut Dice::new(seed, 15));
+            spec.measure(&mut Dice::new(seed, 17));
+            spec.turn(&mut Dice::new(seed, 19));
             let streamed = spec.axes.iter().filter(|it| !it.goes);
             let streamed = streamed.filter(|it| {
                 let model = it.drives[0].model();
@@ -573,6 +672,8 @@ mod tests {
             described += spec.models.len();
             encoders += spec.encoders().count();
             shapers += usize::from(spec.shaper.is_some());
+            spindles += usize::from(spec.spindle.is_some());
+            measured += spec.analog_inputs().len();
             wires += spec.wires().count();
             homed += spec.axes.iter().filter(|it| it.homing.is_some()).count();
             switches += spec.wires().filter(|(_, wire)| wire.is_home()).count();
@@ -583,6 +684,7 @@ mod tests {
             wires > 300 && homed > 100 && switches > 50 && encoders > 50 && shapers > 20,
             "{wires} {homed} {switches} {encoders} {shapers}"
         );
+        assert!(spindles > 20 && measured > 20, "{spindles} {measured}");
         assert!(
             velocities > 50 && goers > 20 && steppers > 10 && loops > 20 && described > 100,
             "{velocities} {goers} {steppers} {loops} {described}"

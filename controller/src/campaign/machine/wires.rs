@@ -42,6 +42,9 @@ pub(super) const INPUTS: [&str; 4] = [
 ];
 const ENABLE: &str = "function = \"enable\"\nactive_low = true";
 
+/// What the names of analog inputs begin with.
+const ANALOG_INPUT: &str = "AI";
+
 /// What an input means by which an axis is homed.
 pub(super) const HOME: &str = "function = \"home\"";
 
@@ -57,6 +60,11 @@ impl Wire {
     /// Whether it is the switch by which an axis is homed.
     pub(in super::super) fn is_home(&self) -> bool {
         self.meaning.starts_with(HOME)
+    }
+
+    /// Whether it is an input that is on or off.
+    pub(in super::super) fn is_digital_input(&self) -> bool {
+        self.table == "input" && !self.signal.starts_with(ANALOG_INPUT)
     }
 
     /// Whether the drives may be enabled while it is on alone.
@@ -132,6 +140,27 @@ impl IoSpec {
             by_event: dice.chance(0.3),
             words,
             wires,
+        }
+    }
+
+    /// Gives it analog inputs that change over time, with numbers of their own.
+    pub(super) fn measure(&mut self, dice: &mut Dice, place: u8) {
+        for signal in 0..2 {
+            if dice.chance(0.5) {
+                let number = 2 * place + signal;
+                let course: Vec<_> = (0..dice.whole(1..=4))
+                    .map(|at| format!("[{}, {:.2}]", 3 * at, dice.between(-10.0, 10.0)))
+                    .collect();
+                self.wires.push(Wire {
+                    table: "input".to_owned(),
+                    place: signal,
+                    signal: format!("{ANALOG_INPUT}{signal}"),
+                    meaning: format!(
+                        "{NUMBER}{number}\nfull_scale = 10.0\nsimulated = [{}]",
+                        course.join(", ")
+                    ),
+                });
+            }
         }
     }
 
