@@ -1,11 +1,9 @@
 //! What a simulated bus carries, whatever its model.
 
-use super::node::Delays;
 use super::servo::cascade::Gains;
 use super::servo::encoder::EncoderErrors;
 use super::servo::motor::Motor;
-use super::servo::power_stage::{DcBus, PowerStage, TorqueSource};
-use super::servo::shaft::{Plant, Shaft};
+use super::servo::shaft::Shaft;
 use crate::bus::{BitRate, Node};
 use crate::mechanics::drive_train::DriveTrain;
 use core::any::Any;
@@ -237,30 +235,6 @@ impl Config {
             assumed: Vec::new(),
             dictionary: None,
         }
-    }
-
-    /// What the motor moves, what turns it and the gains of the loops: those of the axis that it is
-    /// given, as its drive is commissioned on it, or the model's own. How much of the velocity is fed
-    /// forward is the model's affair.
-    pub(super) fn axis_or(
-        &self,
-        own: (Plant, TorqueSource, Gains),
-    ) -> (Plant, TorqueSource, Gains) {
-        let Some(Axis { motor, train }) = &self.axis else {
-            return own;
-        };
-        let (_, _, own) = own;
-        let gains = Gains {
-            velocity_feed_forward: own.velocity_feed_forward,
-            ..Gains::commissioned(motor, train)
-        };
-        let stage = PowerStage::new(*motor, DcBus::default());
-        (train.clone().into(), stage.into(), gains)
-    }
-
-    /// The delays of its processor.
-    pub(super) fn delays_or(&self, own: Delays) -> Delays {
-        if self.prompt { Delays::NONE } else { own }
     }
 
     /// What is known by that name, if anything is.

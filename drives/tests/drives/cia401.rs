@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use syncline_canopen::nmt::{Command, State};
 use syncline_drives::bus::Band;
 use syncline_drives::twin::cia401::{Twin, TwinConfig};
-use syncline_drives::twin::node::Delays;
+use syncline_drives::twin::node::Processor;
 use syncline_drives::twin::{Disturbance, ErrorClass, SimulatedDevice};
 
 const R_PDO1: u16 = 0x201;
@@ -17,8 +17,7 @@ const EMCY: u16 = 0x081;
 /// Node 1, answering at once.
 fn io() -> Bench<Twin> {
     Bench::of([Twin::new(TwinConfig {
-        delays: Delays::NONE,
-        boot_time: ms(0),
+        processor: Processor::prompt(id(1)),
         ..TwinConfig::new(id(1))
     })])
 }

@@ -10,6 +10,7 @@ use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, Instant};
 use syncline_drives::bus::Band;
 use syncline_drives::twin::lxm32m::{Policies, TwinConfig};
+use syncline_drives::twin::node::Processor;
 use syncline_drives::twin::{Disturbance, SimulatedDevice};
 
 const START: i64 = 131_072 * 3 + 77;
@@ -339,7 +340,10 @@ fn a_blocked_axis_faults_by_following_error_and_a_reset_frees_it() {
 fn same_seed_same_frames_other_seed_others() {
     let run = |seed| {
         let mut stream = Stream::started(TwinConfig {
-            seed,
+            processor: Processor {
+                seed,
+                ..Stream::config().processor
+            },
             ..Stream::config()
         });
         stream.travel();

@@ -8,7 +8,7 @@ use crate::common::dictionary::{
 };
 use crate::common::{Bench, id};
 use syncline_drives::dictionary::{TLC5XX, TLC5XX_PRINTED};
-use syncline_drives::twin::node::Delays;
+use syncline_drives::twin::node::Processor;
 use syncline_drives::twin::tlc5xx::{Twin, TwinConfig};
 
 const TABLE: &str = include_str!("data/tlc5xx_dictionary.csv");
@@ -57,8 +57,7 @@ fn rows() -> Vec<Row> {
 
 fn bench() -> Bench<Twin> {
     let config = TwinConfig {
-        delays: Delays::NONE,
-        boot_time: core::time::Duration::ZERO,
+        processor: Processor::prompt(id(1)),
         ..TwinConfig::new(id(1))
     };
     Bench::of([Twin::new(config).unwrap()])

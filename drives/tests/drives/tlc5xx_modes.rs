@@ -7,6 +7,7 @@ use crate::common::tlc5xx::{
 use crate::common::{Bench, HALT, TARGET_REACHED, id, ms, rpm, status};
 use syncline_canopen::cia402::State;
 use syncline_canopen::nmt::Command;
+use syncline_drives::twin::node::Processor;
 use syncline_drives::twin::tlc5xx::{Bit6, Policies, PositionFactor, Twin, TwinConfig};
 use syncline_drives::twin::{Disturbance, SimulatedDevice};
 
@@ -162,7 +163,7 @@ fn following_error() {
 fn two_drives_start_at_one_sync() {
     let twins = [1, 2].map(|node| {
         Twin::new(TwinConfig {
-            node: id(node),
+            processor: Processor::prompt(id(node)),
             ..config()
         })
         .unwrap()

@@ -1,13 +1,13 @@
 //! Random frames at the controller in every state: no panic, no motion without a valid enable, and
 //! what it shows stays legal.
 
-use crate::common::{Bench, frames, id, ms};
+use crate::common::{Bench, frames, id};
 use proptest::prelude::*;
 use syncline_canopen::Frame;
 use syncline_canopen::cia402::State;
 use syncline_canopen::nmt::Command;
 use syncline_drives::bus::Band;
-use syncline_drives::twin::node::Delays;
+use syncline_drives::twin::node::Processor;
 use syncline_drives::twin::tlc5xx::{DriveError, Switches, Twin, TwinConfig};
 use syncline_drives::twin::{Disturbance, ErrorClass, SimulatedDevice};
 
@@ -82,8 +82,7 @@ proptest! {
         };
         let mut bench = Bench::of([Twin::new(TwinConfig {
             switches,
-            delays: Delays::NONE,
-            boot_time: ms(0),
+            processor: Processor::prompt(id(1)),
             ..TwinConfig::new(id(1))
         }).unwrap()]);
         bench.write(1, 0x6060, 0, &[mode as u8]).unwrap();

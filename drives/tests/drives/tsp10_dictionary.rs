@@ -7,7 +7,7 @@ use crate::common::dictionary::{
 };
 use crate::common::{Bench, id};
 use syncline_drives::dictionary::TSP10;
-use syncline_drives::twin::node::Delays;
+use syncline_drives::twin::node::Processor;
 use syncline_drives::twin::tsp10::{Twin, TwinConfig};
 
 const TABLE: &str = include_str!("data/tsp10_dictionary.csv");
@@ -36,8 +36,7 @@ fn rows() -> Vec<Row> {
 
 fn bench() -> Bench<Twin> {
     Bench::of([Twin::new(TwinConfig {
-        delays: Delays::NONE,
-        boot_time: core::time::Duration::ZERO,
+        processor: Processor::prompt(id(1)),
         ..TwinConfig::new(id(1))
     })])
 }

@@ -6,7 +6,7 @@ use crate::common::{Bench, TARGET_REACHED, id, ms};
 use syncline_canopen::cia402::State;
 use syncline_canopen::nmt::Command;
 use syncline_drives::mechanics::rigid::Rigid;
-use syncline_drives::twin::node::Delays;
+use syncline_drives::twin::node::Processor;
 use syncline_drives::twin::tsp10::{Policies, StandbyUnit, Switches, Twin, TwinConfig};
 use syncline_drives::twin::{Disturbance, ErrorClass, Kind, SimulatedDevice};
 
@@ -147,8 +147,7 @@ const PATTERNS: [(State, &str); 8] = [
 
 fn config(node: u8) -> TwinConfig {
     TwinConfig {
-        delays: Delays::NONE,
-        boot_time: ms(0),
+        processor: Processor::prompt(id(node)),
         ..TwinConfig::new(id(node))
     }
 }

@@ -8,7 +8,7 @@ use syncline_canopen::nmt::Command;
 use syncline_canopen::node::BootUp;
 use syncline_canopen::{CanId, Frame};
 use syncline_drives::bus::Band;
-use syncline_drives::twin::node::Delays;
+use syncline_drives::twin::node::Processor;
 use syncline_drives::twin::tsp10::{
     Policies, RelativeTo, SecondTarget, StandbyUnit, Switches, TPdoTrigger, Twin, TwinConfig,
 };
@@ -22,8 +22,7 @@ const REFERENCED: u32 = 1 << 8;
 
 fn config() -> TwinConfig {
     TwinConfig {
-        delays: Delays::NONE,
-        boot_time: ms(0),
+        processor: Processor::prompt(id(1)),
         ..TwinConfig::new(id(1))
     }
 }
@@ -213,10 +212,7 @@ fn states_and_their_patterns() {
 /// An input with the function of enabling has to be active (596-621).
 #[test]
 fn the_enable_input_and_the_rotary_switches() {
-    let mut bench = of(TwinConfig {
-        node: id(1),
-        ..config()
-    });
+    let mut bench = of(config());
     set(&mut bench, 0x2003, 6, 10).unwrap();
     for word in [0x06, 0x07, 0x0F] {
         bench.controlword(1, word);

@@ -6,7 +6,7 @@ use crate::common::dictionary::{
 };
 use crate::common::{Bench, id};
 use syncline_drives::dictionary::{TWK_CRN_4096, TWK_CRN_8192};
-use syncline_drives::twin::node::Delays;
+use syncline_drives::twin::node::Processor;
 use syncline_drives::twin::twk_crn::{Resolution, Twin, TwinConfig, Version};
 
 const TABLE: &str = include_str!("data/twk_crn_dictionary.csv");
@@ -40,8 +40,7 @@ fn bench(node: u8, resolution: Resolution, version: Version) -> Bench<Twin> {
         version,
         // Within the work area with either disc.
         position: 500.0,
-        delays: Delays::NONE,
-        boot_time: core::time::Duration::ZERO,
+        processor: Processor::prompt(id(node)),
         ..TwinConfig::new(id(node))
     })])
 }

@@ -7,7 +7,7 @@ use syncline_canopen::node::{BootUp, LifeGuarding};
 use syncline_drives::bus::{BitRate, SimBus};
 use syncline_drives::mechanics::drive_train::{DriveTrain, Elasticity};
 use syncline_drives::mechanics::friction::Friction;
-use syncline_drives::twin::node::Delays;
+use syncline_drives::twin::node::Processor;
 use syncline_drives::twin::servo::motor::Motor;
 use syncline_drives::twin::twk_crn::{
     Commissioned, EncoderError, Policies, Resolution, Texts, Twin, TwinConfig, Version,
@@ -27,8 +27,7 @@ const LOAD: u32 = 0x6461_6F6C;
 fn config() -> TwinConfig {
     TwinConfig {
         position: (f64::from(0x1000) + 0.5) / 8192.0,
-        delays: Delays::NONE,
-        boot_time: ms(0),
+        processor: Processor::prompt(id(1)),
         ..TwinConfig::new(id(1))
     }
 }

@@ -5,7 +5,7 @@ use crate::common::{Bench, id, ms};
 use proptest::prelude::*;
 use syncline_canopen::{CanId, Frame};
 use syncline_drives::bus::Band;
-use syncline_drives::twin::node::Delays;
+use syncline_drives::twin::node::Processor;
 use syncline_drives::twin::twk_crn::{EncoderError, Policies, Twin, TwinConfig, Version};
 use syncline_drives::twin::{Disturbance, SimulatedDevice};
 
@@ -90,8 +90,7 @@ proptest! {
                 takes_type_255: lax,
                 ..Policies::default()
             },
-            delays: Delays::NONE,
-            boot_time: ms(1),
+            processor: Processor::prompt(id(1)),
             ..TwinConfig::new(id(1))
         })]);
         for (step, wait) in steps {

@@ -28,8 +28,7 @@ mod application;
 mod module;
 
 use super::device::{Config, Course, Kind};
-use super::node::{Delays, Device};
-use super::random::Random;
+use super::node::{Delays, Device, Processor};
 use crate::dictionary::CIA401;
 use module::Module;
 use syncline_canopen::dictionary::Dictionary;
@@ -49,14 +48,8 @@ pub(super) static KIND: Kind = Kind {
 /// What a twin is made of.
 #[derive(Clone, Debug)]
 pub struct TwinConfig {
-    /// Node id.
-    pub node: NodeId,
-    /// Seed of the delays.
-    pub seed: u64,
-    /// What its processor takes.
-    pub delays: Delays,
-    /// Time from a reset until it is Pre-Operational.
-    pub boot_time: Duration,
+    /// Its processor.
+    pub processor: Processor,
     /// What analog inputs are over time, by their numbers from 0 on; the others are what they are set to.
     pub analog_inputs: Vec<(u8, Course)>,
 }
@@ -65,14 +58,12 @@ impl TwinConfig {
     /// As the profile has it by default; delays and boot time are assumptions.
     #[must_use]
     pub fn new(node: NodeId) -> Self {
+        let delays = Delays {
+            t_pdo: Duration::from_micros(50)..Duration::from_micros(250),
+            sdo: Duration::from_micros(300)..Duration::from_micros(2000),
+        };
         Self {
-            node,
-            seed: 0,
-            delays: Delays {
-                t_pdo: Duration::from_micros(50)..Duration::from_micros(250),
-                sdo: Duration::from_micros(300)..Duration::from_micros(2000),
-            },
-            boot_time: Duration::from_millis(100),
+            processor: Processor::new(node, delays, Duration::from_millis(100)),
             analog_inputs: Vec::new(),
         }
     }
@@ -82,11 +73,8 @@ impl From<&Config> for TwinConfig {
     fn from(config: &Config) -> Self {
         let own = Self::new(config.node);
         Self {
-            seed: config.seed,
-            delays: config.delays_or(own.delays),
-            boot_time: config.boot_time.unwrap_or(own.boot_time),
+            processor: own.processor.configured(config),
             analog_inputs: config.analog_inputs.clone(),
-            ..own
         }
     }
 }
@@ -98,14 +86,10 @@ impl Device<Module> {
     /// A node that has just been powered on, at the origin of time; nothing is wired to its inputs but what was asked for.
     #[must_use]
     pub fn new(config: TwinConfig) -> Self {
-        let objects = Dictionary::new(CIA401, config.node);
+        let objects = Dictionary::new(CIA401, config.processor.node);
         let module = Module::new(objects, config.analog_inputs);
-        let options = Options {
-            boot_time: config.boot_time,
-            ..Options::default()
-        };
-        let random = Random::of_node(config.seed, config.node, 0);
-        Self::switched_on(config.node, module, options, config.delays, random)
+        let random = config.processor.random(0);
+        Self::switched_on(config.processor, module, Options::default(), random)
     }
 
     /// What its analog outputs put out.

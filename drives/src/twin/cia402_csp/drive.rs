@@ -9,6 +9,7 @@ use super::{
 };
 use crate::twin::device::{Disturbance, ErrorClass, Ripple};
 use crate::twin::node::Firmware;
+use crate::twin::servo::axis::ServoAxis;
 use crate::twin::servo::cascade::{POSITION_STEP, Reference};
 use crate::twin::servo::clock::Clock;
 use crate::twin::servo::encoder::Encoder;
@@ -107,8 +108,13 @@ impl Drive {
         sensor: Encoder,
     ) -> Self {
         let counts = f64::from(config.encoder_increments);
-        let shaft = Shaft::new(config.mechanics, config.position);
-        let (gains, torque_source) = (config.gains, config.torque_source);
+        let ServoAxis {
+            mechanics,
+            torque_source,
+            gains,
+            ..
+        } = config.servo;
+        let shaft = Shaft::new(mechanics, config.position);
         let loops = Loops::new(clock, shaft, sensor, counts, gains, torque_source);
         let encoder = loops.encoder;
         let mut drive = Self {

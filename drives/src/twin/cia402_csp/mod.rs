@@ -36,14 +36,11 @@ pub use fault::DriveError;
 pub use policy::Policies;
 
 use super::device::{Config, Kind, Ripple};
-use super::node::{Delays, Device};
-use super::random::Random;
+use super::node::{Delays, Device, Processor};
+use super::servo::axis::ServoAxis;
 use super::servo::cascade::Gains;
-use super::servo::clock::Clock;
 use super::servo::encoder::{Encoder, EncoderErrors};
 use super::servo::firmware::ServoFirmware;
-use super::servo::power_stage::TorqueSource;
-use super::servo::shaft::Plant;
 use crate::dictionary::CIA402_CSP;
 use drive::Drive;
 use syncline_canopen::cia402::{State, Statusword};
@@ -110,10 +107,8 @@ const CYCLIC_SYNCHRONOUS_VELOCITY: i64 = 9;
 /// What a twin is made of.
 #[derive(Clone, Debug)]
 pub struct TwinConfig {
-    /// Node id.
-    pub node: NodeId,
-    /// Seed of encoder noise, delays and oscillator.
-    pub seed: u64,
+    /// Its processor.
+    pub processor: Processor,
     /// Where the shaft stands, revolutions from the encoder's zero.
     pub position: f64,
     /// Its object dictionary. What the loops go by and it does not have is as in [`CIA402_CSP`].
@@ -129,22 +124,10 @@ pub struct TwinConfig {
     pub encoder_increments: u32,
     /// How unevenly it turns in Profile Velocity.
     pub ripple: Option<Ripple>,
-    /// What makes the encoder's reading wrong.
-    pub encoder: EncoderErrors,
-    /// The axis behind the motor.
-    pub mechanics: Plant,
-    /// What turns it.
-    pub torque_source: TorqueSource,
-    /// Gains of the control loops.
-    pub gains: Gains,
+    /// Motor, axis, encoder and gains.
+    pub servo: ServoAxis,
     /// What the profile leaves open.
     pub policies: Policies,
-    /// What its processor takes.
-    pub delays: Delays,
-    /// Greatest error of the oscillator, parts per million; the seed picks one within.
-    pub oscillator_ppm: f64,
-    /// Time from a reset to the boot-up message.
-    pub boot_time: Duration,
 }
 
 impl TwinConfig {
@@ -152,9 +135,12 @@ impl TwinConfig {
     /// assumptions.
     #[must_use]
     pub fn new(node: NodeId) -> Self {
+        let delays = Delays {
+            t_pdo: Duration::from_micros(30)..Duration::from_micros(90),
+            sdo: Duration::from_micros(200)..Duration::from_micros(900),
+        };
         Self {
-            node,
-            seed: 0,
+            processor: Processor::new(node, delays, Duration::from_millis(20)),
             position: 0.0,
             dictionary: CIA402_CSP,
             identity: [None; 2],
@@ -162,23 +148,18 @@ impl TwinConfig {
             velocity_unit: None,
             encoder_increments: 1_048_576,
             ripple: None,
-            encoder: EncoderErrors {
-                noise: 2.0,
-                ..EncoderErrors::default()
-            },
-            mechanics: Plant::default(),
-            torque_source: TorqueSource::Ideal,
-            gains: Gains {
-                velocity_feed_forward: 1.0,
-                ..Gains::default()
+            servo: ServoAxis {
+                encoder: EncoderErrors {
+                    noise: 2.0,
+                    ..EncoderErrors::default()
+                },
+                gains: Gains {
+                    velocity_feed_forward: 1.0,
+                    ..Gains::default()
+                },
+                ..ServoAxis::default()
             },
             policies: Policies::default(),
-            delays: Delays {
-                t_pdo: Duration::from_micros(30)..Duration::from_micros(90),
-                sdo: Duration::from_micros(200)..Duration::from_micros(900),
-            },
-            oscillator_ppm: 50.0,
-            boot_time: Duration::from_millis(20),
         }
     }
 }
@@ -187,15 +168,9 @@ impl TwinConfig {
     /// As it was asked for, in that mode unless another one was.
     fn in_mode(mode: i64, config: &Config) -> Self {
         let own = Self::new(config.node);
-        let (mechanics, torque_source, gains) =
-            config.axis_or((own.mechanics, own.torque_source, own.gains));
         Self {
-            mechanics,
-            torque_source,
-            gains,
+            servo: own.servo.configured(config),
             ripple: config.ripple,
-            encoder: config.encoder.unwrap_or(own.encoder),
-            seed: config.seed,
             position: config.position,
             encoder_increments: config
                 .assumed("encoder_increments")
@@ -216,9 +191,7 @@ impl TwinConfig {
                     false => own.policies,
                 }
             },
-            delays: config.delays_or(own.delays),
-            boot_time: config.boot_time.unwrap_or(own.boot_time),
-            ..own
+            processor: own.processor.configured(config),
         }
     }
 }
@@ -230,18 +203,16 @@ impl Device<Drive> {
     /// A drive that has just been powered on, at the origin of time.
     #[must_use]
     pub fn new(config: TwinConfig) -> Self {
-        let stream = |purpose| Random::of_node(config.seed, config.node, purpose);
-        let objects = Dictionary::new(config.dictionary, config.node);
+        let objects = Dictionary::new(config.dictionary, config.processor.node);
         let options = Options {
-            boot_time: config.boot_time,
             ..Options::default()
         };
-        let (node, delays, random) = (config.node, config.delays.clone(), stream(2));
-        let clock = Clock::within(config.oscillator_ppm, stream(0));
+        let processor = config.processor.clone();
+        let (clock, random) = (processor.clock(), processor.random(2));
         let counts = f64::from(config.encoder_increments);
-        let encoder = Encoder::new(counts, config.encoder, stream(1));
+        let encoder = Encoder::new(counts, config.servo.encoder, processor.random(1));
         let drive = Drive::new(objects, config, clock, encoder);
-        Self::switched_on(node, drive, options, delays, random)
+        Self::switched_on(processor, drive, options, random)
     }
 
     /// State of the drive.

@@ -9,8 +9,7 @@
 pub(super) mod position;
 
 use super::device::{Config, Disturbance, ErrorClass, Kind};
-use super::node::{Delays, Device, Firmware, Tampering};
-use super::random::Random;
+use super::node::{Delays, Device, Firmware, Processor, Tampering};
 use super::servo::shaft::Shaft;
 use crate::dictionary::CIA406;
 use crate::mechanics::rigid::Rigid;
@@ -39,10 +38,8 @@ const POSITION_ERROR: i64 = 1 << 0;
 /// What a twin is made of.
 #[derive(Clone, Debug)]
 pub struct TwinConfig {
-    /// Node id.
-    pub node: NodeId,
-    /// Seed of the delays.
-    pub seed: u64,
+    /// Its processor.
+    pub processor: Processor,
     /// Where the shaft stands, revolutions from the disc's zero, positive clockwise.
     pub position: f64,
     /// Its object dictionary.
@@ -55,30 +52,24 @@ pub struct TwinConfig {
     pub turns: u32,
     /// Whether a message says that it has booted.
     pub tells_boot_up: bool,
-    /// What its processor takes.
-    pub delays: Delays,
-    /// Time from a reset until it is Pre-Operational.
-    pub boot_time: Duration,
 }
 
 impl TwinConfig {
     /// The encoder with all defaults; disc, delays and boot time are assumptions.
     #[must_use]
     pub fn new(node: NodeId) -> Self {
+        let delays = Delays {
+            t_pdo: Duration::from_micros(30)..Duration::from_micros(90),
+            sdo: Duration::from_micros(200)..Duration::from_micros(900),
+        };
         Self {
-            node,
-            seed: 0,
+            processor: Processor::new(node, delays, Duration::from_millis(50)),
             position: 0.0,
             dictionary: CIA406,
             identity: [None; 2],
             steps_per_turn: 8192,
             turns: 4096,
             tells_boot_up: true,
-            delays: Delays {
-                t_pdo: Duration::from_micros(30)..Duration::from_micros(90),
-                sdo: Duration::from_micros(200)..Duration::from_micros(900),
-            },
-            boot_time: Duration::from_millis(50),
         }
     }
 }
@@ -88,16 +79,13 @@ impl From<&Config> for TwinConfig {
         let own = Self::new(config.node);
         let number = |name, own| config.assumed(name).unwrap_or(own);
         Self {
-            seed: config.seed,
             position: config.position,
             dictionary: config.dictionary.unwrap_or(own.dictionary),
             identity: ["vendor_id", "product_code"].map(|name| config.assumed(name)),
             steps_per_turn: number("steps_per_turn", own.steps_per_turn),
             turns: number("turns", own.turns),
             tells_boot_up: number("has_heartbeat", 1) != 0,
-            delays: config.delays_or(own.delays),
-            boot_time: config.boot_time.unwrap_or(own.boot_time),
-            ..own
+            processor: own.processor.configured(config),
         }
     }
 }
@@ -110,16 +98,15 @@ impl Device<Encoder> {
     #[must_use]
     pub fn new(config: TwinConfig) -> Self {
         let options = Options {
-            boot_time: config.boot_time,
             boot_up: match config.tells_boot_up {
                 true => Options::default().boot_up,
                 false => BootUp::Silent,
             },
             ..Options::default()
         };
-        let random = Random::of_node(config.seed, config.node, 0);
-        let (node, delays) = (config.node, config.delays.clone());
-        Self::switched_on(node, Encoder::new(&config), options, delays, random)
+        let random = config.processor.random(0);
+        let encoder = Encoder::new(&config);
+        Self::switched_on(config.processor, encoder, options, random)
     }
 }
 
@@ -145,7 +132,7 @@ impl Encoder {
         let mut shaft = Shaft::new(Rigid::default(), config.position);
         shaft.couple(Instant::ZERO);
         let mut encoder = Self {
-            objects: Dictionary::new(config.dictionary, config.node),
+            objects: Dictionary::new(config.dictionary, config.processor.node),
             disc: [config.steps_per_turn, config.turns],
             shaft,
             offset: 0,

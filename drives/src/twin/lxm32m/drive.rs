@@ -15,6 +15,7 @@ use super::windows::Windows;
 use super::{Identity, TwinConfig};
 use crate::twin::device::Disturbance;
 use crate::twin::node::Firmware;
+use crate::twin::servo::axis::ServoAxis;
 use crate::twin::servo::cascade::{
     Cascade, Gains, POSITION_STEP, Reference, SPEED_STEP_NS, SPEED_STEPS,
 };
@@ -99,9 +100,13 @@ impl Drive {
     ) -> Self {
         let TwinConfig {
             initial_position,
-            mechanics,
-            torque_source,
-            gains,
+            servo:
+                ServoAxis {
+                    mechanics,
+                    torque_source,
+                    gains,
+                    ..
+                },
             switches,
             policies,
             identity,

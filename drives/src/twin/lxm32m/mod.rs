@@ -9,7 +9,6 @@
 //! let mut bus = SimBus::new(BitRate::from_kbit(1000).ok_or("bit rate")?);
 //! let x = bus.attach(Twin::new(TwinConfig {
 //!     initial_position: 131_072 * 10,
-//!     seed: 7,
 //!     ..TwinConfig::new(NodeId::new(1).ok_or("node id")?)
 //! }));
 //! // … bring it up over the bus, then ask what a master cannot know:
@@ -58,14 +57,10 @@ pub use switches::Switches;
 pub use synchronisation::SyncStatus;
 
 use super::device::{Config, Kind};
-use super::node::{Delays, Device};
-use super::random::Random;
-use super::servo::cascade::Gains;
-use super::servo::clock::Clock;
+use super::node::{Delays, Device, Processor};
+use super::servo::axis::ServoAxis;
 use super::servo::encoder::{Encoder, EncoderErrors};
 use super::servo::firmware::ServoFirmware;
-use super::servo::power_stage::TorqueSource;
-use super::servo::shaft::Plant;
 use crate::dictionary::LXM32M;
 use drive::Drive;
 use syncline_canopen::NodeId;
@@ -87,58 +82,41 @@ pub(super) static KIND: Kind = Kind {
 /// What a twin is made of.
 #[derive(Clone, Debug)]
 pub struct TwinConfig {
-    /// Node id.
-    pub node: NodeId,
-    /// Seed of encoder noise, delays and oscillator.
-    pub seed: u64,
+    /// Its processor.
+    pub processor: Processor,
     /// Where the absolute multi-turn encoder stands, increments (131072 a revolution).
     pub initial_position: i64,
-    /// The axis behind the motor.
-    pub mechanics: Plant,
-    /// What turns it.
-    pub torque_source: TorqueSource,
-    /// What makes the encoder's reading wrong.
-    pub encoder: EncoderErrors,
-    /// Gains of the control loops.
-    pub gains: Gains,
+    /// Motor, axis, encoder and gains.
+    pub servo: ServoAxis,
     /// The switches along it.
     pub switches: Switches,
     /// What the manual leaves open.
     pub policies: Policies,
     /// Who the drive says it is.
     pub identity: Identity,
-    /// What its processor takes.
-    pub delays: Delays,
-    /// Greatest error of the oscillator, parts per million; the seed picks one within.
-    pub oscillator_ppm: f64,
-    /// Time from a reset to the boot-up message.
-    pub boot_time: Duration,
 }
 
 impl TwinConfig {
     /// The drive with all defaults; delays, oscillator and boot time are assumptions.
     #[must_use]
     pub fn new(node: NodeId) -> Self {
+        let delays = Delays {
+            t_pdo: Duration::from_micros(30)..Duration::from_micros(90),
+            sdo: Duration::from_micros(200)..Duration::from_micros(900),
+        };
         Self {
-            node,
-            seed: 0,
+            processor: Processor::new(node, delays, Duration::from_millis(20)),
             initial_position: 0,
-            mechanics: Plant::default(),
-            torque_source: TorqueSource::Ideal,
-            encoder: EncoderErrors {
-                noise: 0.6,
-                ..EncoderErrors::default()
+            servo: ServoAxis {
+                encoder: EncoderErrors {
+                    noise: 0.6,
+                    ..EncoderErrors::default()
+                },
+                ..ServoAxis::default()
             },
-            gains: Gains::default(),
             switches: Switches::default(),
             policies: Policies::default(),
             identity: Identity::default(),
-            delays: Delays {
-                t_pdo: Duration::from_micros(30)..Duration::from_micros(90),
-                sdo: Duration::from_micros(200)..Duration::from_micros(900),
-            },
-            oscillator_ppm: 50.0,
-            boot_time: Duration::from_millis(20),
         }
     }
 }
@@ -146,14 +124,8 @@ impl TwinConfig {
 impl From<&Config> for TwinConfig {
     fn from(config: &Config) -> Self {
         let own = Self::new(config.node);
-        let (mechanics, torque_source, gains) =
-            config.axis_or((own.mechanics, own.torque_source, own.gains));
         Self {
-            mechanics,
-            torque_source,
-            gains,
-            encoder: config.encoder.unwrap_or(own.encoder),
-            seed: config.seed,
+            servo: own.servo.configured(config),
             initial_position: (config.position * INCREMENTS_PER_REVOLUTION) as i64,
             switches: Switches {
                 along: config.sensors.clone(),
@@ -166,8 +138,7 @@ impl From<&Config> for TwinConfig {
                 true => Policies::tolerant(),
                 false => own.policies,
             },
-            delays: config.delays_or(own.delays),
-            boot_time: config.boot_time.unwrap_or(own.boot_time),
+            processor: own.processor.configured(config),
             ..own
         }
     }
@@ -214,8 +185,8 @@ impl Device<Drive> {
     /// A drive that has just been powered on, at the origin of time.
     #[must_use]
     pub fn new(config: TwinConfig) -> Self {
-        let stream = |purpose| Random::of_node(config.seed, config.node, purpose);
-        let objects = Dictionary::new(LXM32M, config.node).refusing(config.policies.refusals);
+        let objects =
+            Dictionary::new(LXM32M, config.processor.node).refusing(config.policies.refusals);
         let options = Options {
             parameters: ParameterRules::Lenient {
                 // Bit 31 and the identifier (lxm32m 3528-3536, D-05).
@@ -226,14 +197,17 @@ impl Device<Drive> {
             dummy_mapping: false,
             block_transfer: false,
             sdo_timeout: None,
-            boot_time: config.boot_time,
             ..Options::default()
         };
-        let (node, delays, random) = (config.node, config.delays.clone(), stream(2));
-        let clock = Clock::within(config.oscillator_ppm, stream(0));
-        let encoder = Encoder::new(INCREMENTS_PER_REVOLUTION, config.encoder, stream(1));
+        let processor = config.processor.clone();
+        let (clock, random) = (processor.clock(), processor.random(2));
+        let encoder = Encoder::new(
+            INCREMENTS_PER_REVOLUTION,
+            config.servo.encoder,
+            processor.random(1),
+        );
         let drive = Drive::new(objects, config, clock, encoder);
-        Self::switched_on(node, drive, options, delays, random)
+        Self::switched_on(processor, drive, options, random)
     }
 
     // ---- what a master cannot know ----

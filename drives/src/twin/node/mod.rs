@@ -7,8 +7,10 @@
 //! frames get lost.
 
 mod outbox;
+mod processor;
 mod tampering;
 
+pub use processor::Processor;
 pub use tampering::Tampering;
 
 use super::device::{Disturbance, Observation, SimulatedDevice};
@@ -125,21 +127,29 @@ pub struct Device<F> {
 
 impl<F: Firmware> Device<F> {
     /// A device that is switched on at the origin of time; it sends its boot-up then.
+    ///
+    /// `options` are those of the node but for its boot time, and `random` makes the delays.
     pub(super) fn switched_on(
-        id: NodeId,
+        processor: Processor,
         firmware: F,
         options: Options,
-        delays: Delays,
         random: Random,
     ) -> Self {
-        let mut node = Node::new(id, firmware.objects(), options);
+        let Processor {
+            delays, boot_time, ..
+        } = processor;
+        let options = Options {
+            boot_time,
+            ..options
+        };
+        let mut node = Node::new(processor.node, firmware.objects(), options);
         node.power_on(Instant::ZERO);
         Self {
             node_due: node.deadline(),
             node,
             firmware,
             delays,
-            boot_time: options.boot_time,
+            boot_time,
             outbox: Outbox::new(random),
             sent: Vec::with_capacity(16),
             next_task: Instant::ZERO,

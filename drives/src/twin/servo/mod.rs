@@ -1,5 +1,6 @@
 //! What servo drives share behind their bus interface.
 //!
+//! - [`axis`]: what a drive is put together from, as it is commissioned
 //! - [`cascade`]: position loop, speed loop, torque limit; [`filter`]: its filters
 //! - [`power_stage`]: current loop, voltage and DC bus, overload
 //! - [`clock`]: what paces them: the drive's own oscillator, free or locked to SYNC
@@ -14,6 +15,7 @@
 //! last reading into a torque, the power stage makes of it what current and voltage allow, the shaft moves
 //! under that for the length of the step, the encoder is read once.
 
+pub mod axis;
 pub mod cascade;
 pub mod clock;
 pub mod encoder;

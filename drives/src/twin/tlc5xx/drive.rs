@@ -9,6 +9,7 @@ use super::settings::{INCREMENTS_PER_REVOLUTION, RPM, Settings};
 use super::signals::{Captures, Inputs, Switches};
 use crate::twin::device::Disturbance;
 use crate::twin::node::Firmware;
+use crate::twin::servo::axis::ServoAxis;
 use crate::twin::servo::cascade::{POSITION_STEP, Reference};
 use crate::twin::servo::clock::Clock;
 use crate::twin::servo::encoder::Encoder;
@@ -79,9 +80,14 @@ impl Drive {
         clock: Clock,
         sensor: Encoder,
     ) -> Self {
-        let shaft = Shaft::new(config.mechanics, config.position);
+        let ServoAxis {
+            mechanics,
+            torque_source,
+            gains,
+            ..
+        } = config.servo;
+        let shaft = Shaft::new(mechanics, config.position);
         let counts = INCREMENTS_PER_REVOLUTION;
-        let (gains, torque_source) = (config.gains, config.torque_source);
         let loops = Loops::new(clock, shaft, sensor, counts, gains, torque_source);
         let encoder = loops.encoder;
         Self {

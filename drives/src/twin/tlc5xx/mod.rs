@@ -39,14 +39,10 @@ pub use policy::{Bit6, Bit9, FaultBits, Policies, PositionFactor};
 pub use signals::Switches;
 
 use super::device::{Config, Kind};
-use super::node::{Delays, Device};
-use super::random::Random;
-use super::servo::cascade::Gains;
-use super::servo::clock::Clock;
-use super::servo::encoder::{Encoder, EncoderErrors};
+use super::node::{Delays, Device, Processor};
+use super::servo::axis::ServoAxis;
+use super::servo::encoder::Encoder;
 use super::servo::firmware::ServoFirmware;
-use super::servo::power_stage::TorqueSource;
-use super::servo::shaft::Plant;
 use crate::dictionary::TLC5XX;
 use drive::Drive;
 use settings::INCREMENTS_PER_REVOLUTION;
@@ -87,55 +83,35 @@ pub struct SigProfileError;
 /// What a twin is made of.
 #[derive(Clone, Debug)]
 pub struct TwinConfig {
-    /// Node id.
-    pub node: NodeId,
+    /// Its processor.
+    pub processor: Processor,
     /// What the module speaks.
     pub profile: Profile,
-    /// Seed of the encoder's errors, delays and oscillator.
-    pub seed: u64,
     /// Where the shaft stands, revolutions from the encoder's zero.
     pub position: f64,
-    /// The axis behind the motor.
-    pub mechanics: Plant,
-    /// What turns it.
-    pub torque_source: TorqueSource,
-    /// What makes the encoder's reading wrong.
-    pub encoder: EncoderErrors,
-    /// Gains of the control loops. 60FBh keeps what is written to it: its scales are doubtful (D-30).
-    pub gains: Gains,
+    /// Motor, axis, encoder and gains. 60FBh keeps what is written to it: its scales are doubtful (D-30).
+    pub servo: ServoAxis,
     /// The switches along it.
     pub switches: Switches,
     /// What the manual leaves open.
     pub policies: Policies,
-    /// What its processor takes.
-    pub delays: Delays,
-    /// Greatest error of the oscillator, parts per million; the seed picks one within.
-    pub oscillator_ppm: f64,
-    /// Time from a reset to the boot-up message.
-    pub boot_time: Duration,
 }
 
 impl TwinConfig {
     /// The controller with all defaults; delays, oscillator and boot time are assumptions.
     #[must_use]
     pub fn new(node: NodeId) -> Self {
+        let delays = Delays {
+            t_pdo: Duration::from_micros(200)..Duration::from_micros(600),
+            sdo: Duration::from_micros(1000)..Duration::from_micros(4000),
+        };
         Self {
-            node,
+            processor: Processor::new(node, delays, Duration::from_millis(50)),
             profile: Profile::CanOpen,
-            seed: 0,
             position: 0.0,
-            mechanics: Plant::default(),
-            torque_source: TorqueSource::Ideal,
-            encoder: EncoderErrors::default(),
-            gains: Gains::default(),
+            servo: ServoAxis::default(),
             switches: Switches::default(),
             policies: Policies::default(),
-            delays: Delays {
-                t_pdo: Duration::from_micros(200)..Duration::from_micros(600),
-                sdo: Duration::from_micros(1000)..Duration::from_micros(4000),
-            },
-            oscillator_ppm: 50.0,
-            boot_time: Duration::from_millis(50),
         }
     }
 }
@@ -143,17 +119,10 @@ impl TwinConfig {
 impl From<&Config> for TwinConfig {
     fn from(config: &Config) -> Self {
         let own = Self::new(config.node);
-        let (mechanics, torque_source, gains) =
-            config.axis_or((own.mechanics, own.torque_source, own.gains));
         Self {
-            mechanics,
-            torque_source,
-            gains,
-            encoder: config.encoder.unwrap_or(own.encoder),
-            seed: config.seed,
+            servo: own.servo.configured(config),
             position: config.position,
-            delays: config.delays_or(own.delays),
-            boot_time: config.boot_time.unwrap_or(own.boot_time),
+            processor: own.processor.configured(config),
             ..own
         }
     }
@@ -175,8 +144,7 @@ impl Device<Drive> {
     }
 
     fn with_can_open(config: TwinConfig) -> Self {
-        let stream = |purpose| Random::of_node(config.seed, config.node, purpose);
-        let objects = Dictionary::new(TLC5XX, config.node);
+        let objects = Dictionary::new(TLC5XX, config.processor.node);
         let options = Options {
             parameters: ParameterRules::Lenient {
                 // Bit 31 and the function code (7659-7681).
@@ -186,16 +154,15 @@ impl Device<Drive> {
             },
             dummy_mapping: false,
             block_transfer: false,
-            boot_time: config.boot_time,
             boot_up: config.policies.boot_up,
             ..Options::default()
         };
-        let (node, delays, random) = (config.node, config.delays.clone(), stream(2));
-        let clock = Clock::within(config.oscillator_ppm, stream(0));
+        let processor = config.processor.clone();
+        let (clock, random) = (processor.clock(), processor.random(2));
         let counts = INCREMENTS_PER_REVOLUTION;
-        let encoder = Encoder::new(counts, config.encoder, stream(1));
+        let encoder = Encoder::new(counts, config.servo.encoder, processor.random(1));
         let drive = Drive::new(objects, config, clock, encoder);
-        Self::switched_on(node, drive, options, delays, random)
+        Self::switched_on(processor, drive, options, random)
     }
 
     // ---- what a master cannot know ----

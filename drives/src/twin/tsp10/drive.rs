@@ -76,7 +76,7 @@ impl Drive {
         Self {
             objects,
             policies: config.policies,
-            node: config.node,
+            node: config.processor.node,
             now: Instant::ZERO,
             state: State::NotReadyToSwitchOn,
             controlword: Controlword(0),

@@ -21,9 +21,7 @@ pub use policy::{Policies, RelativeTo, SecondTarget, StandbyUnit, TPdoTrigger};
 pub use signals::Switches;
 
 use super::device::{Axis, Config, Kind};
-use super::node::{Delays, Device};
-use super::random::Random;
-use super::servo::clock::Clock;
+use super::node::{Delays, Device, Processor};
 use super::servo::shaft::Plant;
 use crate::dictionary::TSP10;
 use drive::Drive;
@@ -47,10 +45,8 @@ pub(super) static KIND: Kind = Kind {
 /// What a twin is made of.
 #[derive(Clone, Debug)]
 pub struct TwinConfig {
-    /// Node id, as two rotary switches have it.
-    pub node: NodeId,
-    /// Seed of delays and oscillator.
-    pub seed: u64,
+    /// Its processor; the node id is that of two rotary switches.
+    pub processor: Processor,
     /// Where the shaft stands, revolutions.
     pub position: f64,
     /// The motor.
@@ -61,32 +57,23 @@ pub struct TwinConfig {
     pub switches: Switches,
     /// What the manual leaves open.
     pub policies: Policies,
-    /// What its processor takes.
-    pub delays: Delays,
-    /// Greatest error of the oscillator, parts per million; the seed picks one within.
-    pub oscillator_ppm: f64,
-    /// Time from a reset to the boot-up message.
-    pub boot_time: Duration,
 }
 
 impl TwinConfig {
     /// The controller with all defaults; delays, oscillator and boot time are assumptions.
     #[must_use]
     pub fn new(node: NodeId) -> Self {
+        let delays = Delays {
+            t_pdo: Duration::from_micros(100)..Duration::from_micros(400),
+            sdo: Duration::from_micros(500)..Duration::from_micros(2000),
+        };
         Self {
-            node,
-            seed: 0,
+            processor: Processor::new(node, delays, Duration::from_millis(50)),
             position: 0.0,
             motor: Motor::default(),
             mechanics: Plant::default(),
             switches: Switches::default(),
             policies: Policies::default(),
-            delays: Delays {
-                t_pdo: Duration::from_micros(100)..Duration::from_micros(400),
-                sdo: Duration::from_micros(500)..Duration::from_micros(2000),
-            },
-            oscillator_ppm: 50.0,
-            boot_time: Duration::from_millis(50),
         }
     }
 }
@@ -95,14 +82,12 @@ impl From<&Config> for TwinConfig {
     fn from(config: &Config) -> Self {
         let own = Self::new(config.node);
         Self {
-            seed: config.seed,
             position: config.position,
             mechanics: match &config.axis {
                 None => own.mechanics,
                 Some(Axis { train, .. }) => train.clone().into(),
             },
-            delays: config.delays_or(own.delays),
-            boot_time: config.boot_time.unwrap_or(own.boot_time),
+            processor: own.processor.configured(config),
             ..own
         }
     }
@@ -115,19 +100,17 @@ impl Device<Drive> {
     /// A controller that has just been powered on, at the origin of time.
     #[must_use]
     pub fn new(config: TwinConfig) -> Self {
-        let stream = |purpose| Random::of_node(config.seed, config.node, purpose);
-        let objects = Dictionary::new(TSP10, config.node);
+        let objects = Dictionary::new(TSP10, config.processor.node);
         let options = Options {
             dummy_mapping: false,
             block_transfer: false,
-            boot_time: config.boot_time,
             boot_up: config.policies.boot_up,
             ..Options::default()
         };
-        let (node, delays, random) = (config.node, config.delays.clone(), stream(1));
-        let clock = Clock::within(config.oscillator_ppm, stream(0));
+        let processor = config.processor.clone();
+        let (clock, random) = (processor.clock(), processor.random(1));
         let drive = Drive::new(objects, config, clock);
-        Self::switched_on(node, drive, options, delays, random)
+        Self::switched_on(processor, drive, options, random)
     }
 
     // ---- what a master cannot know ----

@@ -38,7 +38,7 @@ pub struct Encoder {
 impl Encoder {
     pub(super) fn new(mut objects: Dictionary, config: &TwinConfig) -> Self {
         if config.version == Version::Plug {
-            objects.put(0x2000, 0, config.node.get().into());
+            objects.put(0x2000, 0, config.processor.node.get().into());
             objects.put(0x2001, 0, config.commissioned.bit_rate.into());
             objects.store(|entry| matches!(entry.address.index, 0x2000 | 0x2001));
         }

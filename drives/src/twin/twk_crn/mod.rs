@@ -36,8 +36,7 @@ pub use fault::EncoderError;
 pub use policy::{Policies, Texts};
 
 use super::device::{Config, Kind};
-use super::node::{Delays, Device};
-use super::random::Random;
+use super::node::{Delays, Device, Processor};
 
 use crate::bus::BitRate;
 use crate::dictionary::{TWK_CRN_4096, TWK_CRN_8192};
@@ -87,10 +86,8 @@ pub struct Commissioned {
 /// What a twin is made of.
 #[derive(Clone, Debug)]
 pub struct TwinConfig {
-    /// Node id, 1…64.
-    pub node: NodeId,
-    /// Seed of the delays.
-    pub seed: u64,
+    /// Its processor; the node id is 1…64.
+    pub processor: Processor,
     /// Where the shaft stands, revolutions from the disc's zero, positive clockwise.
     pub position: f64,
     /// Its disc.
@@ -101,10 +98,6 @@ pub struct TwinConfig {
     pub commissioned: Commissioned,
     /// What the manual leaves open.
     pub policies: Policies,
-    /// What its processor takes.
-    pub delays: Delays,
-    /// Time from a reset until it is Pre-Operational.
-    pub boot_time: Duration,
 }
 
 impl TwinConfig {
@@ -112,9 +105,12 @@ impl TwinConfig {
     /// time are assumptions.
     #[must_use]
     pub fn new(node: NodeId) -> Self {
+        let delays = Delays {
+            t_pdo: Duration::from_micros(100)..Duration::from_micros(300),
+            sdo: Duration::from_micros(500)..Duration::from_micros(3000),
+        };
         Self {
-            node,
-            seed: 0,
+            processor: Processor::new(node, delays, Duration::from_millis(200)),
             position: 0.0,
             resolution: Resolution::Steps8192,
             version: Version::Plug,
@@ -123,11 +119,6 @@ impl TwinConfig {
                 bus: None,
             },
             policies: Policies::default(),
-            delays: Delays {
-                t_pdo: Duration::from_micros(100)..Duration::from_micros(300),
-                sdo: Duration::from_micros(500)..Duration::from_micros(3000),
-            },
-            boot_time: Duration::from_millis(200),
         }
     }
 }
@@ -139,7 +130,6 @@ impl From<&Config> for TwinConfig {
         let is_of_bus =
             |rate: &u32| (config.bit_rate).is_some_and(|bus| bus.kbit() * 1000 == *rate);
         Self {
-            seed: config.seed,
             position: config.position,
             resolution: match config.assumed("steps_per_turn") {
                 Some(0x1000) => Resolution::Steps4096,
@@ -149,8 +139,7 @@ impl From<&Config> for TwinConfig {
                 bit_rate: BIT_RATES.iter().position(is_of_bus).unwrap_or(0) as u8,
                 bus: config.bit_rate,
             },
-            delays: config.delays_or(own.delays),
-            boot_time: config.boot_time.unwrap_or(own.boot_time),
+            processor: own.processor.configured(config),
             ..own
         }
     }
@@ -167,7 +156,7 @@ impl Device<Encoder> {
             Resolution::Steps4096 => TWK_CRN_4096,
             Resolution::Steps8192 => TWK_CRN_8192,
         };
-        let objects = Dictionary::new(table, config.node);
+        let objects = Dictionary::new(table, config.processor.node);
         let policies = config.policies;
         let options = Options {
             parameters: ParameterRules::Lenient {
@@ -179,7 +168,6 @@ impl Device<Encoder> {
             dummy_mapping: false,
             block_transfer: false,
             sdo_echo: policies.sdo_echo,
-            boot_time: config.boot_time,
             boot_up: policies.boot_up,
             life_guarding: policies.life_guarding,
             // Crn S44, S29, S18.
@@ -191,9 +179,9 @@ impl Device<Encoder> {
             event_timer: Some(0x6200),
             ..Options::default()
         };
-        let random = Random::of_node(config.seed, config.node, 0);
+        let random = config.processor.random(0);
         let encoder = Encoder::new(objects, &config);
-        Self::switched_on(config.node, encoder, options, config.delays, random)
+        Self::switched_on(config.processor, encoder, options, random)
     }
 
     /// The bit rate at which it listens and sends.

@@ -2,7 +2,7 @@
 
 use super::{Bench, TARGET_REACHED, id, ms, status};
 use syncline_canopen::cia402::State;
-use syncline_drives::twin::node::Delays;
+use syncline_drives::twin::node::Processor;
 use syncline_drives::twin::tlc5xx::{Policies, Switches, Twin, TwinConfig};
 
 pub(crate) const INVALID: u32 = 0x0609_0030;
@@ -19,8 +19,7 @@ pub(crate) const FAILED: u32 = 1 << 15;
 
 pub(crate) fn config() -> TwinConfig {
     TwinConfig {
-        delays: Delays::NONE,
-        boot_time: ms(0),
+        processor: Processor::prompt(id(1)),
         ..TwinConfig::new(id(1))
     }
 }
