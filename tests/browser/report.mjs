@@ -132,6 +132,13 @@ try {
   await tell("document.querySelector('svg[data-matrix]').scrollIntoView()");
   await show("near", 1280, 1000);
 
+  const has_errors = await tell("Boolean(document.querySelector('.card'))");
+  const magnified = await tell(`(() => {
+    const title = [...document.querySelectorAll('h3')].find((it) => it.textContent.includes('magnified'));
+    return title && [...title.nextElementSibling.querySelectorAll('.programmed, .path')].map((it) => it.getAttribute('d').length);
+  })()`);
+  hold("the contour error is shown along the whole path", !has_errors || magnified.length > 2 && magnified.every((it) => it > 10));
+
   // Times of zooms, from the whole and back, with two sections of strips in sight.
   await call("Emulation.setDeviceMetricsOverride", { width: 1280, height: 1400, deviceScaleFactor: 1, mobile: false });
   await tell("document.querySelectorAll('.strips')[1]?.scrollIntoView()");
@@ -144,8 +151,7 @@ try {
   const most = Math.max(...times);
   console.log(`      zoom: median ${median(times).toFixed(0)} ms, greatest ${most.toFixed(0)} ms of ${times.length}`);
   hold("a zoom takes 100 ms at most, by its median", median(times) <= 100);
-  const card = await tell("Boolean(document.querySelector('.card'))");
-  if (card) {
+  if (has_errors) {
     await tell("document.querySelector('.card').click()");
     hold("a worst place is gone to", / to /.test((await state()).span));
   }

@@ -226,7 +226,24 @@ fn toolpath(report: &Report) -> String {
         views("", &whole);
     }
     html += &path.legend();
+    html += &magnified(report, &path);
     html + "<p class=quiet><label><input type=checkbox id=follows checked> Show the stretch that the plots show</label></p>\n</section>\n"
+}
+
+/// The path that the tool went, with its contour error magnified.
+fn magnified(report: &Report, path: &ToolPath) -> String {
+    let extents = path.work().unwrap_or_else(|| path.padded());
+    let Some((tool, times)) = ToolPath::magnified(report, &extents) else {
+        return String::new();
+    };
+    format!(
+        "<h3>Contour error, magnified {} times</h3>\n<div class=pair>\n<figure><figcaption>from above</figcaption>{}</figure>\n\
+         <figure><figcaption>in space</figcaption>{}</figure>\n</div>{}",
+        count(times as u64),
+        tool.above(&extents),
+        tool.in_space(&extents),
+        tool.legend(),
+    )
 }
 
 fn path_over_time(report: &Report) -> String {

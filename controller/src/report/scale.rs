@@ -112,6 +112,16 @@ fn grouped(text: &str) -> String {
     out + rest
 }
 
+/// Down to 1, 2 or 5 times a power of ten; at least 1.
+pub(super) fn round_down(value: f64) -> f64 {
+    let decade = 10f64.powf(value.max(1.0).log10().floor());
+    let steps = [5.0, 2.0, 1.0].into_iter();
+    steps
+        .map(|it| it * decade)
+        .find(|it| *it <= value)
+        .unwrap_or(1.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

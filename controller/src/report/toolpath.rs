@@ -1,8 +1,9 @@
-//! The tool's path: from above, and in parallel projection from the front right.
+//! The tool's path: from above, and in parallel projection from the front right; as it was commanded, with its feed, and as it was
+//! gone, with the contour error magnified.
 
 use super::{
     Report,
-    scale::{Scale, extent, number},
+    scale::{Scale, extent, number, round_down},
 };
 use std::fmt::Write;
 
@@ -27,21 +28,29 @@ const RAMP: [(u8, u8, u8); 5] = [
     (228, 52, 72),
 ];
 const SHADES: usize = 32;
+/// Room around what is shown, of its size.
+const MARGIN_AROUND: f64 = 0.08;
+/// What all but one in a thousand of the contour errors become at most, of the picture's size.
+const MAGNIFIED: f64 = 0.04;
 
 /// A position in machine coordinates, mm.
 type Point = [f64; 3];
 
 /// Least and greatest coordinate of each axis.
-type Extents = [(f64, f64); 3];
+pub(super) type Extents = [(f64, f64); 3];
 
-/// The path with the speed at each point.
+/// A path with a quantity at each point, which its colours show.
 pub(super) struct ToolPath {
     points: Vec<Point>,
-    speed: Vec<f64>,
+    values: Vec<f64>,
     cutting: Vec<bool>,
-    /// The speed of the last colour: the fastest cut, or without one the fastest move.
+    /// The value of the last colour: the greatest in a cut, or without one that of all.
     scale: f64,
-    fastest: f64,
+    greatest: f64,
+    /// The quantity, with its unit.
+    quantity: &'static str,
+    /// What it goes beside, drawn below it.
+    programmed: Vec<Point>,
 }
 
 impl ToolPath {
@@ -50,7 +59,7 @@ impl ToolPath {
         let axis = |name: &str| report.axes.iter().find(|axis| axis.name == name);
         let axes = [axis("X"), axis("Y"), axis("Z")];
         axes.iter().flatten().next()?;
-        let (mut points, mut speed, mut cutting) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut points, mut values, mut cutting) = (Vec::new(), Vec::new(), Vec::new());
         for n in 0..report.time.len() {
             let point = axes.map(|axis| axis.map_or(Some(0.0), |axis| axis.set.get(n).copied()));
             if let [Some(x), Some(y), Some(z)] = point
@@ -60,29 +69,70 @@ impl ToolPath {
             {
                 points.push([x, y, z]);
                 let feed = report.feed.get(n).copied().unwrap_or(0.0);
-                speed.push(if feed.is_finite() { feed } else { 0.0 });
+                values.push(if feed.is_finite() { feed } else { 0.0 });
                 cutting.push(report.cutting.get(n).copied().unwrap_or(false));
             }
         }
-        let fastest = speed.iter().copied().fold(0.0, f64::max);
-        let cuts = speed.iter().zip(&cutting).filter(|(_, cutting)| **cutting);
-        let fastest_cut = cuts.map(|(speed, _)| *speed).fold(0.0, f64::max);
-        (!points.is_empty()).then_some(Self {
-            scale: if fastest_cut > 0.0 {
-                fastest_cut
-            } else {
-                fastest
-            },
+        (!points.is_empty()).then(|| Self::coloured(points, values, cutting, "feed, mm/s"))
+    }
+
+    /// The path that the tool went, so many times as far beside the programmed one as it was, which is chosen for a picture of
+    /// these extents; `None` where it was nowhere beside it.
+    pub(super) fn magnified(report: &Report, extents: &Extents) -> Option<(Self, f64)> {
+        let axis = |name: &str| report.axes.iter().find(|axis| axis.name == name);
+        let axes = ["X", "Y", "Z"].map(axis);
+        let size = |off: &Point| (off[0] * off[0] + off[1] * off[1] + off[2] * off[2]).sqrt();
+        let rows: Vec<usize> = (0..report.off_path.len())
+            .filter(|&n| size(&report.off_path[n]).is_finite())
+            .collect();
+        let mut errors: Vec<f64> = rows.iter().map(|&n| size(&report.off_path[n])).collect();
+        let values = errors.iter().map(|error| 1000.0 * error).collect();
+        let last = errors.len().checked_sub(1)?;
+        let (_, most, _) = errors.select_nth_unstable_by(last - last / 1000, f64::total_cmp);
+        let wide = extents.iter().map(|(least, most)| most - least);
+        let times = round_down(MAGNIFIED * wide.fold(0.0, f64::max) / most.max(1e-9));
+        let beside = |n: usize, times: f64| -> Point {
+            let off = report.off_path[n];
+            [0, 1, 2].map(|at| axes[at].map_or(0.0, |axis| axis.act[n] + (times - 1.0) * off[at]))
+        };
+        let points = rows.iter().map(|&n| beside(n, times)).collect();
+        let cutting = rows.iter().map(|&n| report.cutting.get(n) == Some(&true));
+        let tool = Self::coloured(points, values, cutting.collect(), "contour error, µm");
+        let programmed = rows.iter().map(|&n| beside(n, 0.0)).collect();
+        (tool.greatest > 0.0).then_some((Self { programmed, ..tool }, times))
+    }
+
+    fn coloured(
+        points: Vec<Point>,
+        values: Vec<f64>,
+        cutting: Vec<bool>,
+        quantity: &'static str,
+    ) -> Self {
+        let greatest = values.iter().copied().fold(0.0, f64::max);
+        let cuts = values.iter().zip(&cutting).filter(|(_, cutting)| **cutting);
+        let in_cuts = cuts.map(|(value, _)| *value).fold(0.0, f64::max);
+        Self {
+            scale: if in_cuts > 0.0 { in_cuts } else { greatest },
             points,
-            speed,
+            values,
             cutting,
-            fastest,
-        })
+            greatest,
+            quantity,
+            programmed: Vec::new(),
+        }
     }
 
     /// Where it goes.
     pub(super) fn whole(&self) -> Extents {
         extents(self.points.iter())
+    }
+
+    /// The same with a margin.
+    pub(super) fn padded(&self) -> Extents {
+        let whole = self.whole();
+        let wide = whole.iter().map(|(least, most)| most - least);
+        let margin = wide.fold(0.0, f64::max) * MARGIN_AROUND;
+        whole.map(|(least, most)| (least - margin, most + margin))
     }
 
     /// Where the tool works, with a margin, if that is but a small part of the whole.
@@ -97,20 +147,20 @@ impl ToolPath {
             let [x, y, _] = extents;
             (x.1 - x.0).max(y.1 - y.0)
         };
-        let margin = size(&work) * 0.08;
+        let margin = size(&work) * MARGIN_AROUND;
         let padded = work.map(|(least, most)| (least - margin, most + margin));
         (margin > 0.0 && size(&self.whole()) > 1.5 * size(&padded)).then_some(padded)
     }
 
-    fn shade(&self, speed: f64) -> usize {
+    fn shade(&self, value: f64) -> usize {
         if self.scale > 0.0 {
-            ((speed / self.scale * SHADES as f64) as usize).min(SHADES - 1)
+            ((value / self.scale * SHADES as f64) as usize).min(SHADES - 1)
         } else {
             0
         }
     }
 
-    /// The path as `project` places it: one SVG path of all stretches of a shade, the slow ones
+    /// The path as `project` places it: one SVG path of all stretches of a shade, those of small values
     /// above; rapids thinner and below.
     fn draw(&self, svg: &mut String, extents: &Extents, project: impl Fn(&Point) -> (f64, f64)) {
         let mut resolution = RESOLUTION;
@@ -143,13 +193,13 @@ impl ToolPath {
         let mut drawn = [const { String::new() }; 2 * SHADES];
         // The last point drawn, in tenths of pixels, and in which shade.
         let mut pen: Option<((i32, i32), usize)> = None;
-        for ((point, speed), cutting) in self.points.iter().zip(&self.speed).zip(&self.cutting) {
+        for ((point, value), cutting) in self.points.iter().zip(&self.values).zip(&self.cutting) {
             if !contains(extents, point) {
                 pen = None;
                 continue;
             }
             let place = tenths(project(point));
-            let kind = self.shade(*speed) + if *cutting { SHADES } else { 0 };
+            let kind = self.shade(*value) + if *cutting { SHADES } else { 0 };
             let ((x, y), before) = pen.unwrap_or((place, usize::MAX));
             let (dx, dy) = (place.0 - x, place.1 - y);
             // Where the shade changes within that, the path goes on in the one before.
@@ -164,44 +214,6 @@ impl ToolPath {
             pen = Some((place, kind));
         }
         drawn
-    }
-
-    /// The outline only, as a shadow on the floor.
-    fn shadow(&self, svg: &mut String, extents: &Extents, project: impl Fn(&Point) -> (f64, f64)) {
-        let mut resolution = 2 * RESOLUTION;
-        let mut d = self.outline(extents, &project, resolution);
-        while d.len() > LONGEST / 4 {
-            resolution *= 2;
-            d = self.outline(extents, &project, resolution);
-        }
-        _ = write!(svg, "<path class=shadow transform='scale(.1)' d='{d}'/>");
-    }
-
-    /// The whole path in one stroke, with no points nearer to each other than that.
-    fn outline(
-        &self,
-        extents: &Extents,
-        project: impl Fn(&Point) -> (f64, f64),
-        resolution: i32,
-    ) -> String {
-        let mut d = String::new();
-        let mut last: Option<(i32, i32)> = None;
-        for point in &self.points {
-            if !contains(extents, point) {
-                last = None;
-                continue;
-            }
-            let (x, y) = tenths(project(point));
-            match last {
-                None => _ = write!(d, "M{x} {y}"),
-                Some((x0, y0)) if (x - x0).abs().max((y - y0).abs()) >= resolution => {
-                    _ = write!(d, "l{} {}", x - x0, y - y0);
-                }
-                Some(_) => continue,
-            }
-            last = Some((x, y));
-        }
-        d
     }
 
     /// X to the right, Y up.
@@ -240,6 +252,7 @@ impl ToolPath {
             top + 13.0
         );
         let project = |p: &Point| (sx.at(p[0]), sy.at(p[1]));
+        outline(&mut svg, "programmed", &self.programmed, extents, project);
         self.draw(&mut svg, extents, project);
         self.ends(&mut svg, extents, project);
         svg + "</svg>"
@@ -286,7 +299,9 @@ impl ToolPath {
             }
         }
         let floor = z.0;
-        self.shadow(&mut svg, extents, |p| project(&[p[0], p[1], floor]));
+        let on_floor = |p: &Point| project(&[p[0], p[1], floor]);
+        outline(&mut svg, "shadow", &self.points, extents, on_floor);
+        outline(&mut svg, "programmed", &self.programmed, extents, project);
         self.draw(&mut svg, extents, project);
         self.ends(&mut svg, extents, project);
         let longest = extents.iter().map(|(least, most)| most - least);
@@ -343,7 +358,7 @@ impl ToolPath {
     /// What the colours mean.
     pub(super) fn legend(&self) -> String {
         let mut svg = String::from(
-            "<svg class=legend viewBox='0 0 420 34' shape-rendering=crispEdges role=img aria-label='Feed'>",
+            "<svg class=legend viewBox='0 0 420 34' shape-rendering=crispEdges role=img aria-label='What the colours mean'>",
         );
         let cell = 250.0 / SHADES as f64;
         for shade in 0..SHADES {
@@ -363,16 +378,62 @@ impl ToolPath {
                 number(self.scale * share)
             );
         }
-        svg += "<text class=tick x=262 y=12>feed, mm/s</text>";
-        if self.fastest > self.scale {
+        _ = write!(svg, "<text class=tick x=262 y=12>{}</text>", self.quantity);
+        if self.greatest > self.scale {
             _ = write!(
                 svg,
                 "<text class=tick x=262 y=26>thin: rapid, up to {}</text>",
-                number(self.fastest)
+                number(self.greatest)
             );
         }
         svg + "</svg>"
     }
+}
+
+/// Points in one stroke, each as far from the last one as it can be seen.
+fn outline(
+    svg: &mut String,
+    class: &str,
+    points: &[Point],
+    extents: &Extents,
+    project: impl Fn(&Point) -> (f64, f64),
+) {
+    let mut resolution = 2 * RESOLUTION;
+    let mut d = stroke(points, extents, &project, resolution);
+    while d.len() > LONGEST / 4 {
+        resolution *= 2;
+        d = stroke(points, extents, &project, resolution);
+    }
+    if !d.is_empty() {
+        _ = write!(svg, "<path class={class} transform='scale(.1)' d='{d}'/>");
+    }
+}
+
+/// Points in one stroke, no nearer to each other than that.
+fn stroke(
+    points: &[Point],
+    extents: &Extents,
+    project: impl Fn(&Point) -> (f64, f64),
+    resolution: i32,
+) -> String {
+    let mut d = String::new();
+    let mut last: Option<(i32, i32)> = None;
+    for point in points {
+        if !contains(extents, point) {
+            last = None;
+            continue;
+        }
+        let (x, y) = tenths(project(point));
+        match last {
+            None => _ = write!(d, "M{x} {y}"),
+            Some((x0, y0)) if (x - x0).abs().max((y - y0).abs()) >= resolution => {
+                _ = write!(d, "l{} {}", x - x0, y - y0);
+            }
+            Some(_) => continue,
+        }
+        last = Some((x, y));
+    }
+    d
 }
 
 fn extents<'p>(points: impl Iterator<Item = &'p Point> + Clone) -> Extents {
@@ -429,4 +490,69 @@ fn colour(shade: usize) -> String {
     };
     let ((r0, g0, b0), (r1, g1, b1)) = (RAMP[low], RAMP[low + 1]);
     format!("#{:02x}{:02x}{:02x}", mix(r0, r1), mix(g0, g1), mix(b0, b1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::observe::record::AxisReport;
+    use proptest::prelude::*;
+
+    fn wide(extents: &Extents) -> f64 {
+        let wide = extents.iter().map(|(least, most)| most - least);
+        wide.fold(0.0, f64::max)
+    }
+
+    proptest! {
+        /// Whatever axes there are, and however small or large its errors and its path: each point is as many times as far beside the
+        /// programmed one as the tool was, all but one in a thousand by no more than a part of the picture; points off the path are none.
+        #[test]
+        fn the_tool_is_as_many_times_as_far_beside_the_path(
+            places in prop::collection::vec(([-500.0..500.0_f64, -500.0..500.0, -500.0..500.0], [-1.0..1.0_f64, -1.0..1.0, -1.0..1.0], any::<bool>()), 2..300),
+            has_z in any::<bool>(),
+            decade in -6.0..0.0_f64,
+        ) {
+            let error = 10f64.powf(decade);
+            let axes = if has_z { 3 } else { 2 };
+            let mut report = Report {
+                axes: ["X", "Y", "Z"][..axes].iter().map(|name| AxisReport { name: (*name).into(), ..AxisReport::default() }).collect(),
+                ..Report::default()
+            };
+            let mut programmed = Vec::new();
+            for (place, off, is_on_path) in &places {
+                let mut off = off.map(|it| error * it);
+                off[axes..].fill(0.0);
+                for (at, axis) in report.axes.iter_mut().enumerate() {
+                    axis.set.push(place[at]);
+                    axis.act.push(place[at] + off[at]);
+                }
+                report.time.push(report.time.len() as f64);
+                report.cutting.push(true);
+                report.off_path.push(if *is_on_path { off } else { [f64::NAN; 3] });
+                if *is_on_path {
+                    let mut place = *place;
+                    place[axes..].fill(0.0);
+                    programmed.push((place, off));
+                }
+            }
+            let extents = ToolPath::new(&report).unwrap().padded();
+            let Some((tool, times)) = ToolPath::magnified(&report, &extents) else {
+                prop_assert!(programmed.iter().all(|(_, off)| *off == [0.0; 3]));
+                return Ok(());
+            };
+            prop_assert!(times >= 1.0);
+            prop_assert_eq!(tool.points.len(), programmed.len());
+            let mut beyond = 0;
+            for (n, (place, off)) in programmed.iter().enumerate() {
+                let size = off.iter().map(|it| it * it).sum::<f64>().sqrt();
+                prop_assert!((tool.values[n] - 1000.0 * size).abs() < 1e-9);
+                beyond += usize::from(times > 1.0 && times * size > MAGNIFIED * wide(&extents) * (1.0 + 1e-9));
+                for at in 0..3 {
+                    prop_assert!((tool.programmed[n][at] - place[at]).abs() < 1e-9);
+                    prop_assert!((tool.points[n][at] - place[at] - times * off[at]).abs() < 1e-6);
+                }
+            }
+            prop_assert!(beyond <= programmed.len() / 1000);
+        }
+    }
 }

@@ -3,7 +3,7 @@
 
 use super::Report;
 use super::html::{escape, line_text};
-use super::scale::{extent, number};
+use super::scale::{extent, number, round_down};
 use crate::observe::places::WorstPlace;
 use std::fmt::Write;
 
@@ -94,7 +94,7 @@ fn picture(report: &Report, time: f64) -> Option<String> {
         off[across].hypot(off[up])
     });
     let most = most.fold(0.0, f64::max);
-    let times = round(MAGNIFIED * HEIGHT / (most.max(1e-9) * pixels));
+    let times = round_down(MAGNIFIED * HEIGHT / (most.max(1e-9) * pixels));
     let at = |point: [f64; 2]| -> Point {
         (
             WIDTH / 2.0 + (point[0] - 0.5 * (x.0 + x.1)) * pixels,
@@ -131,14 +131,4 @@ fn picture(report: &Report, time: f64) -> Option<String> {
         names[up],
         number(times)
     ))
-}
-
-/// Down to 1, 2 or 5 times a power of ten; at least 1.
-fn round(value: f64) -> f64 {
-    let decade = 10f64.powf(value.max(1.0).log10().floor());
-    let steps = [5.0, 2.0, 1.0].into_iter();
-    steps
-        .map(|it| it * decade)
-        .find(|it| *it <= value)
-        .unwrap_or(1.0)
 }
