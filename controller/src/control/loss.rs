@@ -91,7 +91,7 @@ impl Layout {
         // What was lost just behind its answer to a SYNC is missed from the next one on, each time within the cycle.
         let t_pdos = Notice {
             sign: Sign::TPdos,
-            within: self.cycle * (device.t_pdo_misses + 1),
+            within: self.cycle * (device.t_pdo_misses * spec.sync_divider + 1),
         };
         let after = |sign| Notice {
             sign,
@@ -118,22 +118,25 @@ impl Layout {
     #[must_use]
     pub fn comparison(&self, axis: AxisIndex) -> Option<(Compared, Duration)> {
         let axis = &self.axes[axis];
-        axis.feedback?;
+        // What the encoder tells is as old as the SYNC that it answered last.
+        let encoder = self.devices[axis.feedback?.encoder].device.spec();
+        let older = self.cycle * (encoder.sync_divider - 1);
         let drives = axis
             .drives
             .iter()
             .map(|&drive| self.devices[drive].device.spec());
         let polled = drives.filter(|spec| !spec.answers_sync);
         let response = polled.map(|spec| spec.sdo_response).max();
-        Some(
-            response.map_or((Compared::AtSync, self.tells_within()), |response| {
+        Some(response.map_or(
+            (Compared::AtSync, self.tells_within() + older),
+            |response| {
                 // The last position from before the rest is replaced by one that waited for an answer and has its own;
                 // both requests wait for their turn in a cycle. What is left of the way then may take it out of the
                 // standstill window around that one, once, so that its time of standing still begins anew.
                 let heard = POLL + (response + self.cycle) * 2;
-                (Compared::AtRest, heard + (STILL + self.cycle) * 2)
-            }),
-        )
+                (Compared::AtRest, heard + (STILL + self.cycle + older) * 2)
+            },
+        ))
     }
 
     /// By when an encoder finds that the drives of its axis are elsewhere.
@@ -162,8 +165,12 @@ impl Layout {
     pub fn supervision(&self, device: DeviceIndex) -> String {
         let notices: Vec<String> = self.notices(device).map(|it| it.to_string()).collect();
         format!(
-            "{}: what it tells counts within {}; its loss shows by {}; {}{}{}",
+            "{}: {}what it tells counts within {}; its loss shows by {}; {}{}{}",
             self.who(device),
+            match self.devices[device].device.spec().sync_divider {
+                1 => String::new(),
+                divider => format!("it tells its position every {divider} SYNCs; "),
+            },
             Millis(self.tells_within()),
             notices.join(" or "),
             self.left_alone(device),

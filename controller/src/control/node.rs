@@ -2,7 +2,7 @@
 //! and what it is told. An encoder is told nothing, an I/O node has no place.
 //!
 //! What travels is the model's affair ([`Device`]); here is what holds for every device: that all
-//! its T_PDOs answer every SYNC, that it is alive, in Operational, and where it was told to be.
+//! its T_PDOs answer every SYNC, or every so many, that it is alive, in Operational, and where it was told to be.
 
 use super::event::Event;
 use super::fault::{AwaitedState, DeviceCause, DeviceIndex, Fault};
@@ -446,13 +446,33 @@ impl DeviceNode {
 
     /// SYNC leaves: what came before it no longer counts.
     pub(super) fn on_sync(&mut self) {
+        self.answers.on_sync(self.is_due());
         if self.device.spec().answers_sync {
             self.age = self.age.saturating_add(1);
         }
-        self.answers.on_sync();
     }
 
-    /// Whether the drive answers every SYNC and shows signs of life in Operational.
+    /// Which SYNCs it answers.
+    fn divider(&self) -> u32 {
+        self.device.spec().sync_divider
+    }
+
+    /// Whether the last SYNC was one that it answers, as it has answered so far.
+    fn is_due(&self) -> bool {
+        self.age.is_multiple_of(self.divider())
+    }
+
+    /// Whether it has answered each SYNC that it answers.
+    pub(super) fn has_answered(&self) -> bool {
+        self.age < self.divider()
+    }
+
+    /// For so many SYNCs in a row it may answer none.
+    fn patience(&self) -> u32 {
+        self.spec().t_pdo_misses * self.divider()
+    }
+
+    /// Whether the device answers as many SYNCs as it has to and shows signs of life in Operational.
     pub(super) fn check_alive(
         &mut self,
         now: Instant,
@@ -463,12 +483,12 @@ impl DeviceNode {
         }
         if self.age == 0 {
             self.misses = 0;
-        } else {
+        } else if self.is_due() {
             self.misses += 1;
             events(Event::MissedTPdo { device: self.index });
         }
         if self.misses >= self.spec().t_pdo_misses {
-            let misses = self.misses;
+            let misses = self.misses * self.divider();
             return Err(self.fault(DeviceCause::MissingTPdo { misses }));
         }
         match self.monitoring() {
@@ -493,7 +513,7 @@ impl DeviceNode {
     /// The fault of a drive that has answered no SYNC for as many cycles as are tolerated: what it said
     /// before is no longer true of it.
     pub(super) fn check_answers(&self) -> Result<(), Fault> {
-        if self.age < self.spec().t_pdo_misses {
+        if self.age < self.patience() {
             return Ok(());
         }
         let misses = self.age;
@@ -615,7 +635,7 @@ impl DeviceNode {
 
     /// Whether its position is young enough to be controlled by.
     pub(super) fn is_fresh(&self) -> bool {
-        self.age < self.spec().t_pdo_misses
+        self.age < self.patience()
     }
 
     /// Holds the drive where it is. One that follows its setpoints as soon as it is enabled is held

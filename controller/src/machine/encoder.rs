@@ -27,6 +27,8 @@ pub struct Encoder {
     pub scaling: Scaling,
     /// How fast its own shaft turns where it is simulated, mm/s.
     pub simulated_speed: f64,
+    /// It tells its position at every so many SYNCs.
+    pub sync_divider: u8,
     /// Written after the standard set-up, in this order.
     pub objects: Vec<Write>,
 }
@@ -52,6 +54,7 @@ pub(super) struct EncoderTable {
     /// Where the file says that it is on a shaft of its own, if it does.
     measured: Option<Range<usize>>,
     simulated_speed: f64,
+    sync_divider: u8,
     pitch: f64,
     direction: Direction,
     zero: Increments,
@@ -64,6 +67,7 @@ impl EncoderTable {
         let pitch = table.positive(log, "pitch", unit);
         let direction = super::read::direction(log, &mut table);
         let zero = table.integer_or(log, "zero", 0, 0..=u32::MAX.into(), " (increments)");
+        let divider = table.integer_or(log, "sync_divider", 1, 1..=240, " (SYNCs)");
         let span = table.span_of("measured").unwrap_or_default();
         let measured = table.flag_or(log, "measured", false).then_some(span);
         let allowed =
@@ -74,6 +78,7 @@ impl EncoderTable {
         Some(Self {
             node: node?,
             measured,
+            sync_divider: divider as u8,
             simulated_speed: speed.map_or(0.0, Spanned::into_inner),
             pitch: pitch?.into_inner(),
             direction,
@@ -96,6 +101,7 @@ impl EncoderTable {
                 self.zero,
             ),
             simulated_speed: self.simulated_speed,
+            sync_divider: self.sync_divider,
             objects: self.node.objects,
         }
     }
@@ -266,10 +272,60 @@ fn check_measured(log: &mut Log<'_>, encoders: &[EncoderTable]) {
     }
 }
 
+/// Between two positions of an encoder, at most: as the longest cycle that there is.
+const OFTEN_ENOUGH: Duration = Duration::from_millis(20);
+
+/// Whether an encoder that does not answer every SYNC answers often enough for what looks at it, `range` being how far
+/// its axis may go until the reading repeats.
+fn check_divider(
+    log: &mut Log<'_>,
+    machine: &Machine,
+    encoder: &Encoder,
+    range: Option<f64>,
+    place: &Range<usize>,
+) {
+    let apart = machine.cycle * encoder.sync_divider.into();
+    let axis = encoder.axis.map(|axis| &machine.axes[axis]);
+    let closes_loop = axis
+        .and_then(|axis| axis.feedback)
+        .is_some_and(|it| it.closes_loop);
+    let way = axis.map_or(0.0, |axis| axis.limits.velocity * apart.as_secs_f64());
+    let problem = if encoder.sync_divider == 1 {
+        return;
+    } else if closes_loop {
+        "it closes a position loop, which asks for a position at every SYNC".to_owned()
+    } else if apart > OFTEN_ENOUGH {
+        format!(
+            "its positions would be {} ms apart, more than {} ms",
+            apart.as_secs_f64() * 1e3,
+            OFTEN_ENOUGH.as_secs_f64() * 1e3
+        )
+    } else if let Some(range) = range.filter(|range| way >= range / 2.0) {
+        format!(
+            "its axis may go {way:.3} from one position to the next, which is not less than half of {range:.3}"
+        )
+    } else {
+        return;
+    };
+    let problem = format!(
+        "encoder \"{}\": `sync_divider` is {}: {problem}",
+        encoder.name, encoder.sync_divider
+    );
+    log.report(
+        place.clone(),
+        problem,
+        "allowed: a smaller one; 1 asks for a position at every SYNC",
+    );
+}
+
 /// Whether each encoder tells every place of its axis from every other one, and finely enough. `places`
 /// are where the file names them.
 pub(super) fn check(log: &mut Log<'_>, machine: &Machine, places: &[Range<usize>]) {
     for (index, (encoder, place)) in machine.encoders.iter().zip(places).enumerate() {
+        let device = machine.device(machine.drives.len() + index);
+        let range = device.feedback().and_then(|it| it.range());
+        let range = range.map(|range| range.get() as f64 * encoder.scaling.resolution());
+        check_divider(log, machine, encoder, range, place);
         let Some(axis) = encoder.axis.map(|axis| &machine.axes[axis]) else {
             continue;
         };
@@ -277,9 +333,6 @@ pub(super) fn check(log: &mut Log<'_>, machine: &Machine, places: &[Range<usize>
         let (name, title) = (&encoder.name, encoder.model.title);
         let (least, most) = axis.limits.position;
         let resolution = encoder.scaling.resolution();
-        let device = machine.device(machine.drives.len() + index);
-        let range = device.feedback().and_then(|it| it.range());
-        let range = range.map(|range| range.get() as f64 * resolution);
         if let Some(range) = range.filter(|range| most - least >= *range) {
             log.report(
                 place.clone(),

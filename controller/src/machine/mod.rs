@@ -485,6 +485,9 @@ impl Machine {
             point_to_point: false,
             torque: false,
             profile_velocity: false,
+            sync_divider: (index.checked_sub(self.drives.len()))
+                .and_then(|encoder| self.encoders.get(encoder))
+                .map_or(1, |encoder| encoder.sync_divider),
             io: self.io_settings(index),
             objects: node.objects.to_vec(),
             assumed: self.assumed(node.model),

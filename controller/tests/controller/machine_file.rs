@@ -1039,6 +1039,78 @@ fn a_position_may_be_missing_where_the_controller_closes_a_loop_by_it() {
     assert!(wrong.contains(told), "{wrong}");
 }
 
+/// Cycles are 2 ms, and Z goes 500 mm/s at most on its 300 mm.
+#[test]
+fn an_encoder_may_answer_every_nth_sync() {
+    let of = |divider: i32, from: &str, to: &str| {
+        let encoder = ENCODER.replace("zero = 1000", &format!("sync_divider = {divider}"));
+        let text = portal_with("[[axis]]\nname = \"Z\"\n", &encoder);
+        assert!(text.contains(from), "{from}");
+        parse(&text.replace(from, to)).map_err(|wrong| wrong.to_string())
+    };
+    for divider in [1, 2, 10] {
+        let machine = of(divider, "", "").unwrap();
+        let spec = machine.device(4).spec().clone();
+        assert_eq!(spec.sync_divider, divider as u32);
+        assert_eq!(spec.traffic().divider, divider as u32);
+        // Drives answer each of them.
+        assert_eq!(machine.device(2).spec().sync_divider, 1);
+    }
+    // 32 turns of 10 mm, and a position every 20 ms.
+    let scaled = "[model.twk_crn]\nunits_per_turn = 4096\nturns_exponent = 5\n[[encoder]]";
+    assert!(of(10, "[[encoder]]", scaled).is_ok());
+    let fast = of(10, "max_velocity = 500.0", "max_velocity = 8_000.0");
+    let too_fast = fast.err().unwrap_or_default();
+    assert!(!too_fast.contains("sync_divider"), "{too_fast}");
+    let faster = "max_velocity = 8_000.0";
+    let text = portal_with(
+        "[[axis]]\nname = \"Z\"\n",
+        &ENCODER.replace("zero = 1000", "sync_divider = 10"),
+    );
+    let text = text
+        .replace("[[encoder]]", scaled)
+        .replace("max_velocity = 500.0", faster);
+    let wrong = parse(&text).unwrap_err().to_string();
+    let told = "its axis may go 160.000 from one position to the next, which is not less than half of 320.000";
+    assert!(wrong.contains(told), "{wrong}");
+    for (divider, told) in [
+        (0, "`sync_divider`"),
+        (241, "`sync_divider`"),
+        (
+            11,
+            "`sync_divider` is 11: its positions would be 22 ms apart, more than 20 ms",
+        ),
+    ] {
+        let wrong = of(divider, "", "").unwrap_err();
+        assert!(wrong.contains(told), "{wrong}");
+    }
+}
+
+/// A loop wants a position at every SYNC.
+#[test]
+fn an_encoder_that_closes_a_loop_answers_each_sync() {
+    let axis = "[[axis]]\nname = \"Y\"\n";
+    let encoder = ENCODER.replace("[[axis]]\nname = \"Z\"\n", axis);
+    let of = |divider: u32| {
+        let table = encoder.replace("zero = 1000", &format!("sync_divider = {divider}"));
+        let loops = table.replace("feedback =", "position_loop = \"encoder\"\nfeedback =");
+        let text = portal_with(
+            "node = 3\nmodel = \"lxm32m\"",
+            "node = 3\nmodel = \"tlc5xx\"",
+        );
+        let text = text
+            .replace("drive_following_error = true\n", "")
+            .replace("drive_soft_limits = true\n", "");
+        parse(&text.replacen(axis, &loops, 1)).map_err(|wrong| wrong.to_string())
+    };
+    assert!(of(1).is_ok(), "{:?}", of(1).err());
+    let wrong = of(2).unwrap_err();
+    assert!(
+        wrong.contains("`sync_divider` is 2: it closes a position loop"),
+        "{wrong}"
+    );
+}
+
 #[test]
 fn an_encoder_is_on_a_shaft_of_its_own_where_it_is_measured() {
     let of = |encoders: &str| {

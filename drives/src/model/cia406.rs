@@ -1,7 +1,7 @@
 //! An absolute rotary encoder as the profile has it: CiA 406, by the profile's own objects. Encoders that a file describes
 //! are instances of it.
 //!
-//! One T_PDO brings the position value (6004h) at every SYNC; all others are switched off before anything turns. The
+//! One T_PDO brings the position value (6004h) at every SYNC, or every nth; all others are switched off before anything turns. The
 //! encoder counts as its disc does: scaling is off (6000h), which is written only where it reads otherwise, as a change of
 //! it may delete the preset, and with it the machine's zero. The preset itself (6003h) is never written, and nothing is
 //! stored. What the encoder does not have is an [`Assumption`].
@@ -119,6 +119,7 @@ fn encoder(model: &'static Model, settings: &Settings) -> AbsoluteEncoder {
                 false => Monitoring::TPdos,
             },
             t_pdos: vec![communication::t_pdo(t_pdo, settings.node, 4)],
+            sync_divider: settings.sync_divider.into(),
             ..NodeSpec::new(model, settings, setup, |_| false)
         },
         range: Increments::new(range as i64),
@@ -143,7 +144,7 @@ fn identity(assumed: &Assumed, t_pdo: u8) -> Vec<Identity> {
     identity
 }
 
-/// Every T_PDO off; the one that is used mapped, and on at every SYNC. It has no setpoints to miss: that the controller dies
+/// Every T_PDO off; the one that is used mapped, and on at every nth SYNC. It has no setpoints to miss: that the controller dies
 /// is nothing to it.
 fn setup(model: &'static Model, settings: &Settings, t_pdo: u8) -> Vec<Write> {
     let (node, assumed) = (settings.node, &settings.assumed);
@@ -154,7 +155,7 @@ fn setup(model: &'static Model, settings: &Settings, t_pdo: u8) -> Vec<Write> {
         setup.extend(generic::map(index, &[POSITION]));
     }
     let index = generic::parameter(0x1800, t_pdo);
-    setup.push(Write::new(index, 2, Data::u8(1))); // at every SYNC
+    setup.push(Write::new(index, 2, Data::u8(settings.sync_divider)));
     let on = Data::u32(generic::t_pdo_word(t_pdo, node));
     setup.push(Write::new(index, 1, on));
     if assumed.value(&HAS_HEARTBEAT) != 0 {

@@ -360,6 +360,8 @@ pub struct Settings {
     /// [`acceleration`](Self::acceleration), and counts on as long as it turns. Asked of those with
     /// [`Ability::ProfileVelocity`] only.
     pub profile_velocity: bool,
+    /// It answers every so many SYNCs, the transmission type of its T_PDOs: 1…240. Asked of encoders only.
+    pub sync_divider: u8,
     /// What is used of its inputs and outputs.
     pub io: IoSettings,
     /// Written after the standard set-up, in this order.
@@ -391,6 +393,7 @@ impl Settings {
             point_to_point: false,
             torque: false,
             profile_velocity: false,
+            sync_divider: 1,
             io: IoSettings::default(),
             objects: Vec::new(),
             assumed: Assumed::default(),

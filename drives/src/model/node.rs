@@ -53,9 +53,11 @@ pub struct NodeSpec {
     pub release: Vec<Write>,
     /// The PDOs that the device sends.
     pub t_pdos: Vec<Pdo>,
-    /// It sends them in answer to every SYNC; otherwise when what they tell changes, at most once in a cycle each,
+    /// It sends them in answer to every [`sync_divider`](Self::sync_divider)th SYNC; otherwise when what they tell changes, at most once in a cycle each,
     /// and when it becomes Operational.
     pub answers_sync: bool,
+    /// Which SYNCs it answers: each one if 1, every second one if 2. The device counts them.
+    pub sync_divider: u32,
     /// The PDOs that the controller sends to the device in every cycle.
     pub r_pdos: Vec<Pdo>,
     /// What they bring takes effect at the next SYNC; otherwise as it arrives.
@@ -92,6 +94,7 @@ impl NodeSpec {
             release: Vec::new(),
             t_pdos: Vec::new(),
             answers_sync: true,
+            sync_divider: 1,
             r_pdos: Vec::new(),
             latches_at_sync: true,
             t_pdo_response: settings.assumed.time(&T_PDO_RESPONSE),
@@ -110,7 +113,7 @@ impl NodeSpec {
     pub fn traffic(&self) -> NodeTraffic {
         NodeTraffic {
             node: self.node,
-            divider: 1,
+            divider: self.sync_divider,
             response: self.t_pdo_response,
             pdos: [&self.t_pdos[..], &self.r_pdos[..]].concat(),
             by_event: !self.answers_sync,

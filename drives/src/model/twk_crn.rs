@@ -1,7 +1,7 @@
 //! The absolute encoder TWK CRN (CiA 406). `crn S12` in comments is the piece of the manual's text
 //! that begins with 12.
 //!
-//! - T_PDO2 brings the position at every SYNC without any set-up; T_PDO1 would send at every change
+//! - T_PDO2 brings the position at every SYNC without any set-up, and at every nth where it is asked to; T_PDO1 would send at every change
 //!   and flood the bus from a turning shaft, so that it is switched off before anything turns.
 //! - A change of code sequence or scaling deletes the preset, and with it the machine's zero. They are
 //!   therefore written only where they read otherwise. The preset itself is never written, as it takes
@@ -131,6 +131,7 @@ fn encoder(settings: &Settings) -> AbsoluteEncoder {
             monitoring: Monitoring::TPdos,
             // The position.
             t_pdos: vec![communication::t_pdo(2, settings.node, 4)],
+            sync_divider: settings.sync_divider.into(),
             t_pdo_response: assumed.time(&T_PDO_RESPONSE),
             sdo_response: assumed.time(&SDO_RESPONSE),
             ..spec
@@ -166,7 +167,7 @@ fn ensured(measure: Measure) -> Vec<Write> {
     }
 }
 
-/// T_PDO1 off, T_PDO2 at every SYNC; no supervision of a master, which would lead an encoder that
+/// T_PDO1 off, T_PDO2 at every nth SYNC; no supervision of a master, which would lead an encoder that
 /// is not guarded out of Operational.
 fn setup(settings: &Settings) -> Vec<Write> {
     let w = Write::new;
@@ -179,7 +180,7 @@ fn setup(settings: &Settings) -> Vec<Write> {
     ];
     setup.extend(&settings.objects);
     setup.push(w(0x1802, 3, Data::u16(0)));
-    setup.push(w(0x1802, 2, Data::u8(1)));
+    setup.push(w(0x1802, 2, Data::u8(settings.sync_divider)));
     let on = CobIdWord::valid(CobId::t_pdo(2, node)).0;
     setup.push(w(0x1802, 1, Data::u32(on)));
     setup

@@ -8,8 +8,9 @@ use syncline_canopen::response_time::bit_time;
 use syncline_canopen::{CobId, Frame, Instant, NodeId, Transmit};
 use syncline_drives::bus::{Band, BitRate, Node, SimBus, Transmission};
 
-/// Sends its T_PDOs at a given time after each SYNC.
+/// Sends its T_PDOs at a given time after each SYNC, or each nth.
 struct Drive {
+    divider: usize,
     replies: Vec<Frame>,
     /// By cycle, in turn.
     delays: Vec<Duration>,
@@ -20,7 +21,8 @@ struct Drive {
 impl Node for Drive {
     fn on_frame(&mut self, now: Instant, frame: &Frame, _: &mut dyn Transmit) {
         if frame.id() == CobId::SYNC.into() {
-            self.due = Some(now + self.delays[self.cycle % self.delays.len()]);
+            let delay = self.delays[self.cycle % self.delays.len()];
+            self.due = self.cycle.is_multiple_of(self.divider).then(|| now + delay);
             self.cycle += 1;
         }
     }
@@ -99,23 +101,26 @@ prop_compose! {
     fn case()(
         kbit in prop::sample::select(vec![125_u32, 250, 500, 1000]),
         cycle_ms in 1_u64..=20,
-        nodes in prop::collection::vec((0_u8..=8, 0_u8..=8, 0_u64..=1000, any::<bool>()), 1..=16),
+        nodes in prop::collection::vec((0_u8..=8, 0_u8..=8, 0_u64..=1000, any::<bool>(), prop_oneof![2 => Just(1_u32), 1 => 2..=5_u32]),
+            1..=16,
+        ),
         data: [u8; 8],
         shares in prop::collection::vec(0_u32..=100, 1..8),
         heartbeats in prop::collection::vec(0_u32..1000, 17),
         emcys in prop::collection::vec(prop::option::of(0_u32..1000), 1..4),
     ) -> Case {
         let pdo = |direction, cob_id, bytes| Pdo { direction, cob_id, bytes };
-        let nodes = nodes.iter().zip(1..).map(|(&(t, r, response, second), id)| {
+        let nodes = nodes.iter().zip(1..).map(|(&(t, r, response, second, divider), id)| {
             let node = NodeId::new(id).unwrap();
-            let mut pdos = vec![
-                pdo(Direction::Transmit, CobId::t_pdo(2, node), t),
-                pdo(Direction::Receive, CobId::r_pdo(2, node), r),
-            ];
+            let mut pdos = vec![pdo(Direction::Transmit, CobId::t_pdo(2, node), t)];
+            // What answers every nth SYNC is an encoder, which is sent nothing.
+            if divider == 1 {
+                pdos.push(pdo(Direction::Receive, CobId::r_pdo(2, node), r));
+            }
             if second {
                 pdos.push(pdo(Direction::Transmit, CobId::t_pdo(4, node), r));
             }
-            NodeTraffic { node, divider: 1, response: Duration::from_micros(response), pdos, by_event: false }
+            NodeTraffic { node, divider, response: Duration::from_micros(response), pdos, by_event: false }
         });
         Case {
             traffic: Traffic {
@@ -156,6 +161,7 @@ fn measure(case: &Case, budget: &Budget) -> Measured {
     };
     for node in nodes {
         bus.attach(Peer::Drive(Drive {
+            divider: node.divider as usize,
             replies: frames(node, Direction::Transmit),
             delays: case
                 .shares

@@ -62,6 +62,7 @@ mod stops;
 mod surface_speed;
 mod sweep;
 mod switched;
+mod sync_dividers;
 mod taps;
 mod test_moves;
 mod threads;

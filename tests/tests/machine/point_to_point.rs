@@ -92,7 +92,7 @@ name = "X"
 const WINDOW: f64 = 0.05;
 
 /// A probe on Z, and a table that it touches 30.5 mm below.
-const PROBE: &str = r#"
+pub(super) const PROBE: &str = r#"
 [[input]]
 name = "probe"
 drive = "Z"

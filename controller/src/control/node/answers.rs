@@ -37,9 +37,10 @@ impl Answers {
         (self.twice, self.was_twice) = (false, false);
     }
 
-    /// SYNC leaves: what came before it no longer counts.
-    pub(super) fn on_sync(&mut self) {
-        self.owed = [!std::mem::take(&mut self.arrived), self.owed[0]];
+    /// SYNC leaves: what came before it no longer counts. `was_due`: to the SYNC before there was an answer to come.
+    pub(super) fn on_sync(&mut self, was_due: bool) {
+        let missing = !std::mem::take(&mut self.arrived);
+        self.owed = [if was_due { missing } else { 0 }, self.owed[0]];
         self.was_twice = std::mem::take(&mut self.twice);
     }
 

@@ -305,10 +305,7 @@ impl<const N: usize> Controller<N> {
         let Some(touches) = self.touches() else {
             return self.probing_failed(ProbeFailure::NoSignal);
         };
-        let fresh = self
-            .nodes
-            .iter()
-            .all(|node| node.age() == 0 || !node.answers_sync());
+        let fresh = self.nodes.iter().all(DeviceNode::has_answered);
         if fresh {
             self.sample_places();
         }
