@@ -4,6 +4,7 @@ use super::velocity::LOSSES_OF_ENCODERS;
 use proptest::prelude::*;
 use std::fs;
 use std::time::Duration;
+use syncline_canopen::{CanId, CobId, NodeId};
 use syncline_controller::control::fault::DeviceCause;
 use syncline_controller::control::{End, Fault, MeasuredSample};
 use syncline_controller::observe::flight_recorder::FlightRecorder;
@@ -190,5 +191,44 @@ proptest! {
         });
         prop_assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
         goes_at(&rig, speed);
+    }
+
+    /// A preset would take the position of that instant. None is written, nothing is stored, and T_PDO1 is off before it could
+    /// flood the bus, however fast it turns as it is set up, scaled or not, at every nth SYNC, and where it begins anew.
+    #[test]
+    fn no_preset_is_written_on_a_turning_shaft(
+        speed in prop_oneof![Just(0.0), -20_000.0..20_000.0f64],
+        model in prop::sample::select(vec!["twk_crn", "cia406"]),
+        units in prop::sample::select(vec![0, 1, 4000, 8192]),
+        divider in 1..=10u32,
+        reset in prop::option::of(1..200usize),
+        seed: u64,
+    ) {
+        let belt = belt(model, speed).replace("measured", &format!("sync_divider = {divider}\nmeasured"));
+        let table = format!("[model.twk_crn]\nunits_per_turn = {units}\n\n{belt}");
+        let changes = [("[[axis]]\nname = \"X\"", &*table)];
+        let mut rig = Rig::new("portal", &changes, PROGRAM, |device, config| {
+            config.seed = seed;
+            config.position = if device == BELT { 17.3 } else { config.position };
+        });
+        if let Some(row) = reset {
+            rig.run_to_row(row);
+            rig.twin(BELT).disturb(Disturbance::Reset);
+            rig.finish_with_fault();
+        } else {
+            prop_assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+        }
+        let node = NodeId::new(5).unwrap();
+        let written: Vec<u16> = (rig.sent(CobId::r_sdo(node)).iter())
+            .filter_map(|it| match *it.frame.data() {
+                [0x20..=0x2F, low, high, ..] => Some(u16::from_le_bytes([low, high])),
+                _ => None,
+            })
+            .collect();
+        prop_assert!(written.contains(&0x1800) && !written.contains(&0x1010), "{written:X?}");
+        prop_assert!(!written.contains(&0x6003), "{written:X?}");
+        let first = CanId::from(CobId::t_pdo(1, node));
+        let floods = rig.frames().iter().filter(|it| it.frame.id() == first).count();
+        prop_assert!(model == "cia406" || floods == 0, "{floods}");
     }
 }
