@@ -267,7 +267,7 @@ fn lines_of_text_are_a_day_too() {
     let machine = folder.machine("portal");
     let part = folder.file("part.ngc", "G1 X30 F12000\nM0 (look)\nX0\nM3 S100\nM2\n");
     let lines = format!(
-        "?\njog X+10\nset_offset X0 Y0\nbogus\nmdi G0 X5; X\nmdi G0 X5\nstatus\nload {}\nrun\nwait\n\
+        "?\njog X+10\nset_offset X0 Y0\nbogus\nmdi G0 X5; X\nmdi G0 X5\nwait\nfeed_override 80\nstatus\nload {}\nrun\nwait\n\
          disable\nwait\nrun\nenable\n",
         part.display()
     );
@@ -291,6 +291,11 @@ fn lines_of_text_are_a_day_too() {
         "set_tool_length",
         "unknown event `bogus`",
         "ready: work X",
+        "\nprogram: no program, ",
+        "\nstops in: X",
+        "\nspeed: 0 mm/min, actual ",
+        "\noverride: feed 80 %, rapid 100 %\ntool: T0\nspindle: off\ncoolant: off\njog: by 1 mm",
+        "\nstops: single block off, M1 off\ndrives: all enabled",
         "jogging: feed hold stops the axes",
         "write a value",
         "line 2: program stop (M0); cycle_start goes on",

@@ -1,8 +1,8 @@
 //! The console as lines of text: commands in, what happens out. It works without a terminal.
 
 use super::super::events;
-use super::signals::Signals;
-use super::told;
+use super::model::Model;
+use super::{told, values};
 use crate::control::{Event as MachineEvent, HOLD_TO_RUN, Layout, State};
 use crate::machine::Machine;
 use crate::run::Timeline;
@@ -31,7 +31,7 @@ const WAIT: &str = "wait";
 const HELP: &str = "\
 commands, a line each; one that begins something waits until what is under way is over:
   ?                  this list
-  status             state, positions, offset, tool and modes; drives, inputs and outputs
+  status             all that the screen shows: state, positions, program, speeds, drives, inputs …
   faults             what stopped the machine, where, and what may be done
   wait               the lines behind it, but for stop and feed_hold, wait until the machine rests";
 
@@ -44,6 +44,9 @@ pub(super) fn listen(
     verbose: bool,
 ) -> io::Result<JoinHandle<()>> {
     let (give, lines) = channel::bounded(LINES);
+    let mut model = Model::new(&machine, verbose);
+    // A jog goes on for as long as it is renewed.
+    model.releases = true;
     let reader = Reader {
         lines,
         over: false,
@@ -52,6 +55,7 @@ pub(super) fn listen(
         operator: session.operator(NAME),
         answers: session.subscribe(),
         view: session.view(),
+        model,
         machine: machine.clone(),
     };
     let teller = Teller {
@@ -85,6 +89,7 @@ struct Reader {
     operator: Operator,
     answers: Subscription,
     view: StatusView,
+    model: Model,
     machine: Machine,
 }
 
@@ -101,6 +106,7 @@ impl Reader {
                     None
                 }
             };
+            self.model.take(self.view.get());
             let done = match line {
                 Some(line) => self.hear(&line),
                 None => self.go_on(),
@@ -134,7 +140,7 @@ impl Reader {
         match line {
             "" | WAIT => {}
             "?" => self.help(),
-            "status" => println!("{}", explained(&self.view.get(), &self.machine)),
+            "status" => println!("{}", explained(&self.model, &self.machine)),
             "faults" => println!("{}", listed(&self.view.get(), &self.machine)),
             _ => match parsed(line) {
                 Ok(command) => return self.command(command),
@@ -234,14 +240,29 @@ fn shown(status: &Status, machine: &Machine) -> String {
     )
 }
 
-/// The same with what the drives do and what is on.
-fn explained(status: &Status, machine: &Machine) -> String {
+/// The same with all else that the screen shows.
+fn explained(model: &Model, machine: &Machine) -> String {
+    let status = &model.status;
     let mut text = shown(status, machine);
     if let Some(line) = status.interrupted {
         text += &format!("\ninterrupted: line {line}; `resume` takes the program up there");
     }
-    for (name, what) in Signals::of(machine).rows(status) {
-        text += &format!("\n{name}: {what}");
+    let mut tell = |name: &str, what: &str| text += &format!("\n{name}: {what}");
+    let (program, time) = (values::program(model), values::time(model));
+    tell("program", &format!("{program}, {time}"));
+    let (line, block) = values::block(model);
+    if line > 0 {
+        tell(&format!("line {line}"), block);
+    }
+    let (name, distances) = values::distances(model);
+    let distances = distances.iter();
+    let distances = distances.map(|(axis, distance)| format!("{}{distance:.3}", axis.letter));
+    tell(name, &distances.collect::<Vec<_>>().join(" "));
+    for (name, what) in values::values(model) {
+        tell(name, what.trim_end());
+    }
+    for (name, what) in model.signals.rows(status) {
+        tell(name, &what);
     }
     text
 }

@@ -4,6 +4,7 @@ mod lines;
 mod model;
 mod screen;
 mod signals;
+mod values;
 mod view;
 
 use super::command_log::{CommandFile, CommandLog};

@@ -5,16 +5,14 @@
 
 use super::model::Model;
 use super::signals::DRIVES;
+use super::values;
 use crate::control::State;
-use crate::observe::switched::{coolant_name, running};
-use crate::program::counted_speed;
 use crate::session::Status;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Clear, Paragraph, Wrap};
-use syncline_gcode::Turning;
 
 /// Columns of the positions: axis, work, machine, to go with its unit.
 const POSITIONS: u16 = 43;
@@ -111,15 +109,7 @@ fn header(model: &Model, width: u16) -> Line<'static> {
         .fg(colour)
         .add_modifier(Modifier::BOLD | Modifier::REVERSED);
     let name = format!(" {} ", model.status.state_in_words().to_uppercase());
-    let program = (model.status.program.as_deref())
-        .and_then(|file| file.file_name())
-        .map_or_else(
-            || "no program".to_owned(),
-            |name| name.to_string_lossy().into_owned(),
-        );
-    let remaining = model.status.remaining.map(in_words);
-    let remaining = remaining.map_or_else(String::new, |left| format!(", {left} left"));
-    let time = format!("{}{remaining}", in_words(model.elapsed));
+    let (program, time) = (values::program(model), values::time(model));
     let used = name.chars().count() + program.chars().count() + time.chars().count() + 2;
     let gap = usize::from(width).saturating_sub(used);
     Line::from(vec![
@@ -128,42 +118,20 @@ fn header(model: &Model, width: u16) -> Line<'static> {
     ])
 }
 
-/// A time: `83.4 s`, `12:05 min`, `1:03:20 h`.
-fn in_words(seconds: f64) -> String {
-    let whole = seconds.max(0.0) as u64;
-    let (hours, minutes, rest) = (whole / 3600, whole / 60 % 60, whole % 60);
-    match hours {
-        0 if whole < 100 => format!("{seconds:.1} s"),
-        0 => format!("{minutes}:{rest:02} min"),
-        _ => format!("{hours}:{minutes:02}:{rest:02} h"),
-    }
-}
-
 /// Where each axis is.
 fn position_rows(model: &Model) -> Vec<Line<'static>> {
     let Status {
-        actual,
-        target,
-        setpoint,
-        referenced,
-        off_path,
-        ..
+        actual, referenced, ..
     } = &model.status;
     let work = model.status.work_position();
-    // Without a move of a program ahead it matters how far a jog goes on.
-    let jogs = matches!(model.status.state, State::Ready | State::Jogging) || *off_path;
-    let distance = if jogs { "stops in" } else { "to go" };
+    let (distance, distances) = values::distances(model);
     let mut rows = vec![Line::raw(format!(
         " {:>14}{:>14}{distance:>12}",
         "work", "machine"
     ))];
-    for axis in &model.axes {
+    for (axis, distance) in distances {
         let at = axis.letter.index();
         let unit = if axis.letter.is_linear() { "" } else { "°" };
-        let distance = match jogs {
-            true => model.stopping_distance(axis),
-            false => target[at] - setpoint[at],
-        };
         // Where nobody knows where it is, its positions count from where it was switched on.
         let mark = if referenced[at] { ' ' } else { '?' };
         rows.push(Line::from(vec![
@@ -176,62 +144,10 @@ fn position_rows(model: &Model) -> Vec<Line<'static>> {
 
 /// Speeds, overrides, tool, spindle, coolant and switches.
 fn value_rows(model: &Model, width: u16) -> Vec<Line<'static>> {
-    let status = &model.status;
-    let settings = &status.settings;
-    let (speed, turns) = counted_speed(&status.velocity);
-    let unit = if turns { "°/min" } else { "mm/min" };
-    let programmed = match status.feed {
-        Some(feed) => format!("{:.0}", feed * 60.0),
-        None => "rapid".to_owned(),
-    };
-    let on = |on: bool| if on { "on" } else { "off" };
-    // By G96 it is a speed with any number of places.
-    let turns = (status.spindle.speed * 10.0).round() / 10.0;
-    let turning = match status.spindle.turning {
-        Turning::Off => "off".to_owned(),
-        Turning::Clockwise => format!("M3 S{turns}"),
-        Turning::Counterclockwise => format!("M4 S{turns}"),
-    };
-    let turns = status.spindle_actual;
-    let turning =
-        turning + &turns.map_or(String::new(), |it| format!(", turns at {:.0}", it.speed));
-    let held = match model.releases {
-        true => ", held on and on",
-        false => ", steps only",
-    };
-    let row = |name: &str, value: String| {
-        Line::raw(shortened(&format!("{name:<9}{value}"), width.into()))
-    };
-    vec![
-        row("feed", format!("{programmed}  of the program")),
-        row(
-            "speed",
-            format!(
-                "{:.0} {unit}, actual {:.0}",
-                speed * 60.0,
-                model.speed * 60.0
-            ),
-        ),
-        row(
-            "override",
-            format!(
-                "feed {} %, rapid {} %",
-                settings.feed_override, settings.rapid_override
-            ),
-        ),
-        row("tool", format!("T{} {}", status.tool, status.tool_name)),
-        row("spindle", turning),
-        row("coolant", coolant_name(running(status.coolant)).to_owned()),
-        row("jog", format!("by {} mm{held}", settings.jog_step)),
-        row(
-            "stops",
-            format!(
-                "single block {}, M1 {}",
-                on(settings.single_block),
-                on(settings.optional_stop)
-            ),
-        ),
-    ]
+    let rows = values::values(model)
+        .into_iter()
+        .map(|(name, value)| Line::raw(shortened(&format!("{name:<9}{value}"), width.into())));
+    rows.collect()
 }
 
 /// What the drives do and what is on, a row each.
@@ -259,8 +175,7 @@ fn shortened(text: &str, width: usize) -> String {
 
 /// The program's line with its text.
 fn current_block(model: &Model) -> Line<'static> {
-    let line = model.status.line;
-    let text = model.text_of(line).unwrap_or_default();
+    let (line, text) = values::block(model);
     Line::from(vec![
         bold(format!(" {line:>6}  ")),
         Span::raw(text.to_owned()),
@@ -353,12 +268,14 @@ mod tests {
     use super::*;
     use crate::control::{MeasuredSample, SpindleSample};
     use crate::machine::Machine;
+    use crate::observe::switched::{coolant_name, running};
     use crate::session::{Settings, Squareness, Stopped};
     use proptest::prelude::*;
     use proptest::sample::select;
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
     use syncline_drives::model::PowerState;
+    use syncline_gcode::Turning;
 
     /// A portal in the midst of a program.
     fn model() -> Model {

@@ -1,0 +1,95 @@
+//! What the machine does now, by name and value: the same on the screen and in lines of text.
+
+use super::model::Model;
+use crate::control::State;
+use crate::machine::Axis;
+use crate::observe::switched::{coolant_name, running};
+use crate::program::counted_speed;
+use syncline_gcode::Turning;
+
+/// The program that is loaded.
+pub(super) fn program(model: &Model) -> String {
+    let file = model.status.program.as_deref();
+    file.and_then(|file| file.file_name()).map_or_else(
+        || "no program".to_owned(),
+        |name| name.to_string_lossy().into_owned(),
+    )
+}
+
+/// For how long the job has been at work, and how long it still takes, if that is known: `83.4 s, 1:11:01 h left`.
+pub(super) fn time(model: &Model) -> String {
+    let remaining = model.status.remaining.map(in_words);
+    let remaining = remaining.map_or_else(String::new, |left| format!(", {left} left"));
+    format!("{}{remaining}", in_words(model.elapsed))
+}
+
+/// A time: `83.4 s`, `12:05 min`, `1:03:20 h`.
+fn in_words(seconds: f64) -> String {
+    let whole = seconds.max(0.0) as u64;
+    let (hours, minutes, rest) = (whole / 3600, whole / 60 % 60, whole % 60);
+    match hours {
+        0 if whole < 100 => format!("{seconds:.1} s"),
+        0 => format!("{minutes}:{rest:02} min"),
+        _ => format!("{hours}:{minutes:02}:{rest:02} h"),
+    }
+}
+
+/// The line of the program at work, with its text.
+pub(super) fn block(model: &Model) -> (u32, &str) {
+    let line = model.status.line;
+    (line, model.text_of(line).unwrap_or_default())
+}
+
+/// How far it is, by axis, and what to: where the move ends that the axes are on, or, without one of a program ahead, how far a jog goes on.
+pub(super) fn distances(model: &Model) -> (&'static str, Vec<(&Axis, f64)>) {
+    let status = &model.status;
+    let jogs = matches!(status.state, State::Ready | State::Jogging) || status.off_path;
+    let distance = |axis: &Axis| {
+        let at = axis.letter.index();
+        match jogs {
+            true => model.stopping_distance(axis),
+            false => status.target[at] - status.setpoint[at],
+        }
+    };
+    let distances = model.axes.iter().map(|axis| (axis, distance(axis)));
+    (if jogs { "stops in" } else { "to go" }, distances.collect())
+}
+
+/// Speeds, overrides, tool, spindle, coolant and switches.
+pub(super) fn values(model: &Model) -> [(&'static str, String); 8] {
+    let status = &model.status;
+    let settings = &status.settings;
+    let (speed, turns) = counted_speed(&status.velocity);
+    let unit = if turns { "°/min" } else { "mm/min" };
+    let programmed = match status.feed {
+        Some(feed) => format!("{:.0}", feed * 60.0),
+        None => "rapid".to_owned(),
+    };
+    let (speed, actual) = (speed * 60.0, model.speed * 60.0);
+    let on = |on: bool| if on { "on" } else { "off" };
+    // By G96 it is a speed with any number of places.
+    let turns = (status.spindle.speed * 10.0).round() / 10.0;
+    let turning = match status.spindle.turning {
+        Turning::Off => "off".to_owned(),
+        Turning::Clockwise => format!("M3 S{turns}"),
+        Turning::Counterclockwise => format!("M4 S{turns}"),
+    };
+    let turns = status.spindle_actual;
+    let turns = turns.map_or(String::new(), |it| format!(", turns at {:.0}", it.speed));
+    let held = match model.releases {
+        true => ", held on and on",
+        false => ", steps only",
+    };
+    let (feed, rapid) = (settings.feed_override, settings.rapid_override);
+    let (single, optional) = (on(settings.single_block), on(settings.optional_stop));
+    [
+        ("feed", format!("{programmed}  of the program")),
+        ("speed", format!("{speed:.0} {unit}, actual {actual:.0}")),
+        ("override", format!("feed {feed} %, rapid {rapid} %")),
+        ("tool", format!("T{} {}", status.tool, status.tool_name)),
+        ("spindle", turning + &turns),
+        ("coolant", coolant_name(running(status.coolant)).to_owned()),
+        ("jog", format!("by {} mm{held}", settings.jog_step)),
+        ("stops", format!("single block {single}, M1 {optional}")),
+    ]
+}
