@@ -267,6 +267,26 @@ pub(super) fn assert_waits_for_a_held_rotor(mut rig: Rig) {
     assert_cuts_at_speed(&rig);
 }
 
+/// At once it turns as fast as it is told next, and the other way round.
+pub(super) const TURNED_ROUND: &str =
+    "G21 G90 G61\nM3 S1000\nG1 X10 F3000\nM4 S1000\nG1 X20\nM3\nX10\nM5\nM2\n";
+
+#[test]
+fn the_other_way_round_is_not_at_speed() {
+    assert_waits_until_it_is_turned_round(drill(TURNED_ROUND));
+}
+
+/// The same of any machine like it.
+pub(super) fn assert_waits_until_it_is_turned_round(mut rig: Rig) {
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    assert_cuts_at_speed(&rig);
+    let cut = |way: f64| {
+        let cuts = |row: &&Row<COORDINATES>| row.plan.speed > 0.0 && wanted(row) == way;
+        rig.rows.iter().filter(cuts).count()
+    };
+    assert!(cut(1000.0) > 100 && cut(-1000.0) > 100);
+}
+
 /// Where the drive counts velocities otherwise than the machine file says, no cut begins.
 #[test]
 fn another_unit_of_its_velocity_is_never_at_speed() {

@@ -13,9 +13,10 @@ use syncline_tests::rig::Rig;
 
 use super::described::sheet;
 use super::driven_spindle::{
-    self, CUT, FROM_NEAR, LOSSES, SPINDLE, TWO_SPEEDS, assert_cuts_at_speed, assert_let_go_at_rest,
-    assert_lost, assert_resumes_behind_a_fault, assert_stands_before_power_is_taken_off,
-    assert_waits_for_a_held_rotor, line, measured, program, turns_at,
+    self, CUT, FROM_NEAR, LOSSES, SPINDLE, TURNED_ROUND, TWO_SPEEDS, assert_cuts_at_speed,
+    assert_let_go_at_rest, assert_lost, assert_resumes_behind_a_fault,
+    assert_stands_before_power_is_taken_off, assert_waits_for_a_held_rotor,
+    assert_waits_until_it_is_turned_round, line, measured, program, turns_at,
 };
 
 const PV: &str = "model = \"cia402_pv\"\n\n# Its data sheet: a 20-bit encoder; 60FFh in 0.1 1/min.\n[model.cia402_pv]\nencoder_increments = 1_048_576\nvelocity_units = 10";
@@ -144,6 +145,25 @@ fn no_cut_begins_before_it_turns() {
 }
 
 #[test]
+fn the_other_way_round_is_not_at_speed() {
+    assert_waits_until_it_is_turned_round(drill(TURNED_ROUND));
+}
+
+/// What it turned meanwhile counts: a T_PDO that is missing now and then is no slower spindle.
+#[test]
+fn a_missing_t_pdo_is_no_loss_of_speed() {
+    let mut rig = drill(CUT);
+    let t_pdo = CanId::from(CobId::t_pdo(1, NodeId::new(4).unwrap()));
+    let mut told = 0;
+    rig.bus().doctor = Some(Box::new(move |received| {
+        told += u32::from(received.frame.id() == t_pdo);
+        received.frame.id() != t_pdo || told % 5 != 0
+    }));
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    assert_cuts_at_speed(&rig);
+}
+
+#[test]
 fn a_cut_whose_spindle_falls_away_stops_on_the_path() {
     let mut rig = drill(CUT);
     rig.run_to_row(400);
@@ -192,9 +212,10 @@ struct Description {
 }
 
 impl Description {
-    /// A unit is 1 1/min at most, and 3000 1/min have room in 16 bits.
+    /// A unit is 30 1/min at most, and 3000 1/min have room in 16 bits.
     fn any() -> impl Strategy<Value = Self> {
-        let unit = (1..=10u32, 1..=20u32).prop_map(|(finer, rpm)| [finer * rpm, rpm]);
+        let fine = (1..=10u32, 1..=20u32).prop_map(|(finer, rpm)| [finer * rpm, rpm]);
+        let unit = prop_oneof![fine, (2..=30u32).prop_map(|rpm| [1, rpm])];
         let pdos = (1..=4u8, 1..=4u8, 1..=4u8);
         (unit, any::<[bool; 2]>(), pdos, any::<u32>()).prop_map(
             |(unit, [has_dimension_factor, fixed_mapping], (r_pdo, t_pdo, pdos), vendor_id)| Self {
@@ -283,16 +304,23 @@ proptest! {
     fn it_turns_as_told_whatever_describes_it(
         description in Description::any(),
         speeds in prop::collection::vec((60..=3000u32, any::<bool>()), 1..4),
+        negative: bool,
+        gear in select(vec![0.5, 1.0]),
     ) {
         let folder = Folder::new();
-        let model = description.write(&folder);
+        let direction = if negative { "negative" } else { "positive" };
+        let model = format!("{}\ndirection = \"{direction}\"", description.write(&folder));
+        let gearing = format!("gear = {gear:?}\nramp_ms = 300 ");
+        let replacements = [(PV, &*model), ("ramp_ms = 300 ", &*gearing)];
         let mut program = String::from("G21 G90 G61 F3000\n");
         for (number, (speed, back)) in speeds.iter().enumerate() {
             let code = if *back { 4 } else { 3 };
             program += &format!("M{code} S{speed}\nG1 X{}\n", 10 * (number + 1));
         }
         program += "M5\nM2\n";
-        let mut rig = driven_spindle::drill_with(&[(PV, &*model)], &program, |_, _| ());
+        let mut rig = driven_spindle::drill_with(&replacements, &program, |_, _| ());
+        // What the example lets it differ by, and what a unit leaves.
+        let [units, rpm] = description.unit.map(f64::from);
         for (number, (speed, back)) in speeds.iter().enumerate() {
             let place = 10.0 * number as f64 + 5.0;
             rig.run_until(|rig| {
@@ -300,10 +328,11 @@ proptest! {
                 row.is_some_and(|row| row.plan.position[0] > place) || rig.end().is_some()
             });
             let wanted = f64::from(*speed) * if *back { -1.0 } else { 1.0 };
-            let turns = turns_at(&mut rig);
-            // What the example lets it differ by, and what a unit leaves.
-            let window = 0.03 * wanted.abs() + 4.0;
-            prop_assert!((turns - wanted).abs() <= window, "{} for {} 1/min", turns, wanted);
+            let window = 0.03 * wanted.abs() + rpm / units / gear + 4.0;
+            let motor = turns_at(&mut rig) * if negative { -1.0 } else { 1.0 };
+            for turns in [motor / gear, measured(rig.rows.last().unwrap())] {
+                prop_assert!((turns - wanted).abs() <= window, "{} for {} 1/min", turns, wanted);
+            }
         }
         prop_assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
         assert_let_go_at_rest(&mut rig);
