@@ -74,5 +74,6 @@ mod validate;
 mod validation;
 mod velocity;
 mod velocity_mode_spindle;
+mod vertical;
 mod way_back;
 mod wired;

@@ -25,7 +25,7 @@ use crate::twin::servo::firmware::{Servo, ServoFirmware};
 use crate::twin::servo::lasting::Lasting;
 use crate::twin::servo::loops::Loops;
 use crate::twin::servo::ramp::Ramp;
-use crate::twin::servo::shaft::Shaft;
+use crate::twin::servo::shaft::{Plant, Shaft};
 use syncline_canopen::Instant;
 use syncline_canopen::cia402::{Controlword, State, Statusword};
 use syncline_canopen::dictionary::{Dictionary, Row};
@@ -81,6 +81,8 @@ pub struct Drive {
     settling: Lasting,
     pub(super) windows: Windows,
     pub(super) switching_off: Option<SwitchingOff>,
+    /// How long its motor's holding brake takes to close.
+    pub(super) brake_closing: Duration,
     /// Greatest deviation by load since the power stage went on, increments.
     pub(super) peak_deviation: f64,
     pub(super) x_err: bool,
@@ -114,6 +116,10 @@ impl Drive {
         } = config;
         let revolutions = initial_position as f64 / INCREMENTS_PER_REVOLUTION;
         let shaft = Shaft::new(mechanics, revolutions);
+        let brake_closing = match shaft.plant() {
+            Plant::FeedAxis(axis) => Duration::from_secs_f64(axis.train().brake.closing),
+            Plant::Rigid(_) => Duration::ZERO,
+        };
         let counts = INCREMENTS_PER_REVOLUTION;
         let own_gains = gains.clone();
         let mut loops = Loops::new(clock, shaft, sensor, counts, gains, torque_source);
@@ -156,6 +162,7 @@ impl Drive {
             settling: Lasting::default(),
             windows: Windows::default(),
             switching_off: None,
+            brake_closing,
             peak_deviation: 0.0,
             x_err: false,
             x_end: true,
@@ -468,6 +475,10 @@ impl ServoFirmware for Drive {
                 acceleration: self.acceleration,
             },
         }
+    }
+
+    fn brake_grips(&self) -> bool {
+        self.switching_off.is_some_and(|it| it.brake_closes())
     }
 
     fn position_step(&mut self, step: u32) {

@@ -55,6 +55,7 @@ impl Drive {
         let share = continuous / peak;
         let peak_time = -motor.thermal_time * libm::log(1.0 - share * share);
         let braked = i64::from(motor.brake_torque > 0.0);
+        let closing = self.brake_closing.as_millis() as f64;
         let figures = [
             (rows.motor_speed_most, speed(0.0), RPM),
             (rows.motor_speed_nominal, speed(continuous), RPM),
@@ -75,6 +76,7 @@ impl Drive {
             (rows.motor_torque_stall, continuous, TORQUE),
             (rows.motor_voltage_most, bus.most, VOLTAGE),
             (rows.motor_brake, braked as f64, 1.0),
+            (rows.motor_brake_closing, closing, 1.0),
             (
                 rows.stage_current_nominal,
                 PowerStage::CONTINUOUS_SHARE * continuous / constant,

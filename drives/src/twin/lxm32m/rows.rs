@@ -165,6 +165,7 @@ rows! {
     motor_torque_stall = 0x300D:0x16;
     motor_voltage_most = 0x300D:0x19;
     motor_brake = 0x300D:0x20;
+    motor_brake_closing = 0x300D:0x21;
     stage_current_nominal = 0x3010:0x01;
     stage_current_most = 0x3010:0x02;
     stage_voltage_most = 0x3010:0x03;

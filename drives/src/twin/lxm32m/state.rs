@@ -29,6 +29,13 @@ pub(super) struct SwitchingOff {
     closed_at: Option<Instant>,
 }
 
+impl SwitchingOff {
+    /// Whether the brake has been told to close, under the torque that still holds the motor.
+    pub(super) fn brake_closes(&self) -> bool {
+        self.closed_at.is_some()
+    }
+}
+
 impl Drive {
     /// Whether a command has to wait that switches the power stage off: for braking, or at rest for the time
     /// that the holding brake takes to close (lxm32m 2205). The last command counts.
@@ -42,7 +49,7 @@ impl Drive {
             return false;
         }
         if self.is_at_rest() {
-            if self.objects.get(self.rows.brake_apply_time) <= 0 {
+            if self.closing_time().is_zero() {
                 return false;
             }
         } else {
@@ -64,7 +71,7 @@ impl Drive {
     /// Switches off what has waited for long enough.
     pub(super) fn finish_switching_off(&mut self) {
         let at_rest = self.is_at_rest();
-        let closing = self.brake_time(self.rows.brake_apply_time);
+        let closing = self.closing_time();
         if at_rest && let Some(off) = &mut self.switching_off {
             let closed_at = *off.closed_at.get_or_insert(self.servo.now + closing);
             let command = off.command;
@@ -74,7 +81,13 @@ impl Drive {
         }
     }
 
-    /// What a row adds to the time of the holding brake, which itself takes none; ms.
+    /// How long the motor is held at rest before its power stage goes off: until its brake grips, as the motor's name plate
+    /// says (300Dh:21), and for what 3005h:8 adds to that.
+    fn closing_time(&self) -> Duration {
+        self.brake_closing + self.brake_time(self.rows.brake_apply_time)
+    }
+
+    /// What a row adds to the time of the holding brake; ms.
     fn brake_time(&self, row: Row) -> Duration {
         Duration::from_millis(self.objects.get(row).max(0) as u64)
     }

@@ -107,6 +107,11 @@ pub trait ServoFirmware: Application {
     /// What its loops follow.
     fn loop_reference(&self) -> Reference;
 
+    /// Whether the holding brake is to grip although the power stage is on.
+    fn brake_grips(&self) -> bool {
+        false
+    }
+
     /// Runs what runs as often as its position loop, and before it: state machine, profiles, monitoring.
     /// `step` counts the steps of the speed loop since the cycle began.
     fn position_step(&mut self, step: u32);
@@ -167,8 +172,8 @@ pub trait ServoFirmware: Application {
             let (reference, limit) = (self.loop_reference(), self.torque_limit());
             self.servo_mut().loops.position_step(reference, limit);
         }
-        let reference = self.loop_reference();
-        if self.servo_mut().loops.speed_step(reference) {
+        let (reference, grips) = (self.loop_reference(), self.brake_grips());
+        if self.servo_mut().loops.speed_step(reference, grips) {
             self.end_cycle();
         }
     }

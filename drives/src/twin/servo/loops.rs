@@ -129,8 +129,8 @@ impl Loops {
     }
 
     /// The clock's next step, one of the speed loop; the power stage is on unless the reference is
-    /// [`Reference::Off`]. Whether the clock's cycle ends with it.
-    pub fn speed_step(&mut self, reference: Reference) -> bool {
+    /// [`Reference::Off`]. The holding brake is open with it, unless it `grips`. Whether the clock's cycle ends with it.
+    pub fn speed_step(&mut self, reference: Reference, grips: bool) -> bool {
         let (_, dt) = self.clock.step();
         let end = self.clock.step_end();
         let (counts, is_on) = (self.increments_per_revolution, reference != Reference::Off);
@@ -139,7 +139,7 @@ impl Loops {
             (self.cascade).speed_step(reference, self.encoder, counts, SPEED_STEP, is_held);
         let wanted = wanted * self.direction;
         self.torque = (self.torque_source).step(wanted, is_on, &self.shaft, SPEED_STEP);
-        self.shaft.step(end, dt, self.torque, is_on);
+        self.shaft.step(end, dt, self.torque, is_on && !grips);
         self.encoder = self.read(0.0);
         self.impulse += self.torque;
         self.steps += 1;
