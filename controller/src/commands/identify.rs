@@ -75,6 +75,9 @@ pub(super) struct Args {
     /// Write the result as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Write the result as an HTML file, with how the axis answers torque over frequency.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
     /// Change the axis's [axis.simulation] in the machine file to what was found.
     #[arg(long)]
     update: bool,
@@ -126,6 +129,7 @@ impl Args {
             claims = claims.reads("--log", log);
         }
         let json = claims.open("--json", &self.json)?;
+        let page = claims.open("--report", &self.report)?;
         let kept = claims.open("--write-log", &self.write_log)?;
         let log = match &self.log {
             Some(file) => Log::read(&axis, file)?,
@@ -148,7 +152,12 @@ impl Args {
                 return Ok(Exit::Stopped);
             }
         };
-        let identified = Identified::new(&machine, &subject, estimate);
+        let identified = Identified::new(&machine, &subject, &log.samples, estimate);
+        if let Some(page) = page {
+            let mut page = page.begin()?;
+            page.write_all(identified.to_html(&machine.name).as_bytes())?;
+            page.flush()?;
+        }
         self.put(&identified, json)?;
         claims.tell(&identified.to_string());
         Ok(Exit::Finished)

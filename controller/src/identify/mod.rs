@@ -6,12 +6,14 @@
 //!   nothing of what a simulation has behind it
 //! - `windows`: what is seen of the equation of motion, without differentiating
 //! - `fit`: how that is solved
+//! - [`response`](mod@response): how it answers torque over frequency, without a model
 //! - [`tuning`]: gains for what was found
 
 pub mod estimate;
 pub mod excitation;
 mod fit;
 pub mod log;
+pub mod response;
 pub mod tuning;
 mod windows;
 
@@ -19,6 +21,7 @@ pub use crate::observe::axis_log::AxisSample;
 
 use crate::machine::{Axis, Machine, Motion};
 use estimate::{Estimate, Figure, Shaft};
+use response::{Response, response};
 use serde::Serialize;
 use std::f64::consts::TAU;
 use std::fmt;
@@ -229,6 +232,8 @@ pub struct Identified {
     pub rated_torque: f64,
     /// What the log says.
     pub estimate: Estimate,
+    /// How the motor's shaft answers torque, as the log shows it without a model, and as the estimate has it.
+    pub response: Vec<Response>,
     /// Keys of `[axis.simulation]` that make a simulated axis of it; none where the machine file names no motor.
     pub simulation: Vec<Key>,
     /// Gains that suit it; none where the machine file names no motor, or where none keep it from swinging.
@@ -251,9 +256,14 @@ pub struct Key {
 }
 
 impl Identified {
-    /// Of an axis of a machine, from what its log says.
+    /// Of an axis of a machine, from its log and what that says.
     #[must_use]
-    pub fn new(machine: &Machine, subject: &Subject, estimate: Estimate) -> Self {
+    pub fn new(
+        machine: &Machine,
+        subject: &Subject,
+        samples: &[AxisSample],
+        estimate: Estimate,
+    ) -> Self {
         let axis = &machine.axes[subject.axis];
         let drive = &machine.drives[axis.drives[0]];
         let device = machine.device(axis.drives[0]);
@@ -265,6 +275,7 @@ impl Identified {
             gains,
             drive: drive.name.clone(),
             rated_torque: subject.shaft.rated_torque,
+            response: response(samples, &subject.shaft, &estimate),
             simulation: subject
                 .motor
                 .map_or_else(Vec::new, |motor| subject.keys(&estimate, &motor)),

@@ -28,6 +28,7 @@ pub mod deviation;
 mod differences;
 mod drives;
 pub mod flight_recorder;
+pub(crate) mod fourier;
 pub mod frames;
 pub mod limits;
 pub mod loops;

@@ -16,15 +16,7 @@ const LISTED: usize = 200;
 
 /// The whole file.
 pub(super) fn page(report: &Report, summary: Option<&Summary>) -> String {
-    let mut html = format!(
-        "<!doctype html>\n<html lang=en>\n<head>\n<meta charset=utf-8>\n\
-         <meta name=viewport content='width=device-width, initial-scale=1'>\n\
-         <meta name=color-scheme content='light dark'>\n\
-         <title>{} · {}</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n",
-        escape(&report.machine),
-        escape(&report.program),
-        include_str!("style.css")
-    );
+    let mut html = opened(&format!("{} · {}", report.machine, report.program));
     html += &head(report, summary);
     html += &violations(&report.violations);
     let lines: Vec<&str> = report.source.lines().collect();
@@ -53,6 +45,18 @@ pub(super) fn page(report: &Report, summary: Option<&Summary>) -> String {
         html += &script(report);
     }
     html + "</body>\n</html>\n"
+}
+
+/// The beginning of a page with that title.
+pub(super) fn opened(title: &str) -> String {
+    format!(
+        "<!doctype html>\n<html lang=en>\n<head>\n<meta charset=utf-8>\n\
+         <meta name=viewport content='width=device-width, initial-scale=1'>\n\
+         <meta name=color-scheme content='light dark'>\n\
+         <title>{}</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n",
+        escape(title),
+        include_str!("style.css")
+    )
 }
 
 /// The cursor's bar, the rows, and what shows them.

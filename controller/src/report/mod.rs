@@ -5,6 +5,7 @@
 //! - `toolpath`: the path from above and in space
 //! - `worst`: where the tool was furthest from the path
 //! - `strips`: values over time, which `script.js` draws from what `data` packs
+//! - `identified`: a page about an axis that was identified
 //! - `plot`, `spectrum`, `distribution`: values over anything else
 //!
 //! All that stands still is in the page as it is written. The script draws the strips, so that they can be zoomed, and ties
@@ -13,6 +14,7 @@
 mod data;
 mod distribution;
 mod html;
+mod identified;
 mod plot;
 mod scale;
 mod spectrum;

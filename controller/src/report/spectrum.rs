@@ -1,6 +1,6 @@
 //! What frequencies a following error has, by the mean of the squares of short transforms (Welch, 1967).
 
-use std::f64::consts::TAU;
+use crate::observe::fourier::Window;
 
 /// Rows to a transform.
 const LENGTH: usize = 1024;
@@ -13,33 +13,18 @@ pub(super) fn of(values: &[f64], period: f64) -> Vec<(f64, f64)> {
     let Some(starts) = values.len().checked_sub(LENGTH) else {
         return Vec::new();
     };
-    let window: Vec<f64> = (0..LENGTH)
-        .map(|n| 0.5 - 0.5 * (TAU * n as f64 / LENGTH as f64).cos())
-        .collect();
-    let power: f64 = window.iter().map(|it| it * it).sum();
-    let (sines, cosines): (Vec<f64>, Vec<f64>) = (0..LENGTH)
-        .map(|n| (TAU * n as f64 / LENGTH as f64).sin_cos())
-        .unzip();
+    let window = Window::new(LENGTH);
     let transforms = (2 * starts / LENGTH + 1).min(MOST);
     let mut sums = vec![0.0; LENGTH / 2];
     for transform in 0..transforms {
         let start = starts * transform / transforms.saturating_sub(1).max(1);
-        let stretch = &values[start..start + LENGTH];
-        let mean = stretch.iter().sum::<f64>() / LENGTH as f64;
-        let seen: Vec<f64> = (stretch.iter().zip(&window))
-            .map(|(value, window)| (value - mean) * window)
-            .collect();
+        let seen = window.weighted(&values[start..start + LENGTH]);
         for (bin, sum) in sums.iter_mut().enumerate().skip(1) {
-            let (mut re, mut im) = (0.0, 0.0);
-            for (n, value) in seen.iter().enumerate() {
-                let turn = bin * n % LENGTH;
-                re += value * cosines[turn];
-                im += value * sines[turn];
-            }
+            let [re, im] = window.bin(&seen, bin);
             *sum += re * re + im * im;
         }
     }
-    let density = |sum: f64| (2.0 * sum * period / power / transforms as f64).sqrt();
+    let density = |sum: f64| (2.0 * sum * period / window.power() / transforms as f64).sqrt();
     sums.iter()
         .enumerate()
         .skip(1)
@@ -51,6 +36,7 @@ pub(super) fn of(values: &[f64], period: f64) -> Vec<(f64, f64)> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use std::f64::consts::TAU;
 
     proptest! {
         /// The square of the density over all frequencies is the mean square of the values.

@@ -4,9 +4,12 @@ use proptest::prelude::*;
 use std::f64::consts::TAU;
 use std::path::Path;
 use syncline_controller::budget::MachineBudget;
-use syncline_controller::identify::estimate::{NotEstimated, Shaft, estimate};
+use syncline_controller::identify::estimate::{
+    Estimate, Figure, NotEstimated, Shaft, Swing, estimate,
+};
 use syncline_controller::identify::excitation::{Bounds, program};
 use syncline_controller::identify::log::Log;
+use syncline_controller::identify::response::response;
 use syncline_controller::identify::{AxisSample, Subject, Unfit};
 use syncline_controller::machine::Machine;
 use syncline_controller::program::Programs;
@@ -224,4 +227,166 @@ fn the_torque_is_in_the_budget_and_a_drive_without_is_named() {
     let refusals: Vec<_> = refusals.filter_map(Result::err).collect();
     let is_named = |it: &&Unfit| matches!(it, Unfit::NoTorque { .. });
     assert!(refusals.iter().any(|it| is_named(&it)), "{refusals:?}");
+}
+
+/// A motor and a load behind a spring with a damper, at the motor's shaft: inertias, stiffness, damping.
+#[derive(Clone, Copy, Debug)]
+struct Sprung {
+    motor: f64,
+    load: f64,
+    stiffness: f64,
+    damping: f64,
+}
+
+impl Sprung {
+    fn inertia(&self) -> f64 {
+        self.motor + self.load
+    }
+
+    /// Speed of the motor over its torque: gain, and phase in rad.
+    fn answers(&self, omega: f64) -> (f64, f64) {
+        let spring = [self.stiffness, self.damping * omega];
+        let above = [spring[0] - self.load * omega * omega, spring[1]];
+        let both = self.motor * self.load * omega * omega;
+        let below = [
+            self.inertia() * spring[0] - both,
+            self.inertia() * spring[1],
+        ];
+        let size = |[re, im]: [f64; 2]| re.hypot(im);
+        let phase = |[re, im]: [f64; 2]| im.atan2(re);
+        let turned = phase(above) - phase(below) - TAU / 4.0;
+        (size(above) / (omega * size(below)), turned)
+    }
+
+    /// What an estimator would find that makes no mistake.
+    fn estimate(&self, torque_delay_s: f64) -> Estimate {
+        let exact = |value| Figure {
+            value,
+            uncertainty: 0.0,
+        };
+        let free = (self.stiffness / self.load).sqrt();
+        let both = free * (self.inertia() / self.motor).sqrt();
+        Estimate {
+            inertia: exact(self.inertia()),
+            friction: exact(0.5),
+            viscous_friction: exact(0.0),
+            holding_torque: exact(0.2),
+            torque_delay_s,
+            swing: Some(Swing {
+                antiresonance: exact(free / TAU),
+                resonance: Some(exact(both / TAU)),
+                damping: Some(exact(0.5 * self.damping / self.stiffness * both)),
+            }),
+            seen_to_hz: 100.0,
+            moving_s: 10.0,
+        }
+    }
+}
+
+/// How strong a tone is, N·m, that is answered by that gain: none has the axis turn round.
+fn strength(gain: f64) -> f64 {
+    (4.0 / gain).min(0.3)
+}
+
+/// Torques of these frequencies, Hz, that go on for so long, s, and what an axis has answered them with since ever; it goes on one
+/// way, with friction and gravity, and turns round each `way` s.
+fn answering(
+    axis: &Sprung,
+    frequencies: &[f64],
+    late: f64,
+    length: f64,
+    way: f64,
+) -> Vec<AxisSample> {
+    // Angle of the motor, and torque as the mean over twice its delay.
+    let mean = |angle: f64| {
+        if angle == 0.0 {
+            1.0
+        } else {
+            angle.sin() / angle
+        }
+    };
+    let swings = |at: f64| {
+        let tones = frequencies.iter().enumerate().map(|(n, hertz)| {
+            let (omega, begins) = (TAU * hertz, (n * n) as f64);
+            let (gain, phase) = axis.answers(omega);
+            let turn = omega * at + begins;
+            let torque = strength(gain);
+            [
+                torque * gain / omega * (turn + phase).sin(),
+                torque * mean(omega * late) * turn.cos(),
+            ]
+        });
+        tones.fold([0.0; 2], |sum, it| [sum[0] + it[0], sum[1] + it[1]])
+    };
+    let rows = (length / SHAFT.cycle) as usize;
+    let row = |n: usize| {
+        let time = n as f64 * SHAFT.cycle;
+        let (turn, into) = ((time / way).floor(), time.rem_euclid(way));
+        let [sign, from] = match turn % 2.0 == 0.0 {
+            true => [1.0, 0.0],
+            false => [-1.0, way],
+        };
+        let angle = 2.0 * SPEED * (from + sign * into) + swings(time)[0];
+        let torque = swings(time - late)[1] + 0.5 * sign + 0.2;
+        let act = angle / SHAFT.radians;
+        AxisSample {
+            time,
+            set: act,
+            act: (act / SHAFT.resolution).round() * SHAFT.resolution,
+            torque: Some((torque / SHAFT.rated_torque * 1e3).round() as i16),
+        }
+    };
+    (0..rows).map(row).collect()
+}
+
+fn sprung() -> impl Strategy<Value = Sprung> {
+    (5e-4..5e-3_f64, 0.3..4.0_f64, 8.0..80.0_f64, 0.01..0.1_f64).prop_map(
+        |(motor, more, hertz, damping)| {
+            let load = more * motor;
+            let stiffness = load * (TAU * hertz).powi(2);
+            Sprung {
+                motor,
+                load,
+                stiffness,
+                damping: 2.0 * damping * (stiffness * load).sqrt(),
+            }
+        },
+    )
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(24) })]
+
+    /// At each frequency that an axis is moved with, its response is the closed form's, and so is that of its estimate, however late
+    /// the torque is told; and of one that turns round again and again before a stretch is over nothing is told.
+    #[test]
+    fn a_response_is_that_of_the_axis(axis in sprung(), late in 0.0..2e-3_f64, first in 5..10_usize) {
+        // In the middle of bins of 2.048 s, and apart from each other.
+        let frequencies: Vec<f64> = (0..12).map(|n| (first + 14 * n) as f64 / 2.048).collect();
+        let samples = answering(&axis, &frequencies, late, 14.0, 100.0);
+        let estimate = axis.estimate(late);
+        let told = response(&samples, &SHAFT, &estimate);
+        for hertz in &frequencies {
+            let (gain, phase) = axis.answers(TAU * hertz);
+            let at = told.iter().find(|it| (it.frequency_hz - hertz).abs() < 1e-9);
+            let Some(at) = at else {
+                // What an increment hides is not told.
+                let shown = [gain / (TAU * hertz) / (SHAFT.resolution * SHAFT.radians), 1e3 / SHAFT.rated_torque];
+                prop_assert!(shown.iter().any(|it| strength(gain) * it < 2.0), "{hertz} Hz: {shown:?}");
+                continue;
+            };
+            let lacks = 1.0 - at.coherence;
+            prop_assert!((at.gain / gain - 1.0).abs() < 0.01 + lacks, "{at:?}, not {gain}");
+            let off = (at.phase_deg - phase.to_degrees() + 540.0).rem_euclid(360.0) - 180.0;
+            prop_assert!(off.abs() < 1.0 + 60.0 * lacks, "{at:?}, not {}", phase.to_degrees());
+            prop_assert!((at.model_gain / gain - 1.0).abs() < 1e-9, "{at:?}, not {gain}");
+            let off = (at.model_phase_deg - phase.to_degrees() + 540.0).rem_euclid(360.0) - 180.0;
+            prop_assert!(off.abs() < 1e-6, "{at:?}, not {}", phase.to_degrees());
+        }
+        let turning = answering(&axis, &frequencies, late, 30.0, 1.9);
+        prop_assert_eq!(response(&turning, &SHAFT, &estimate), []);
+        let mut torn = samples;
+        torn.retain(|it| (it.time / 1.9).fract() > 0.01);
+        prop_assert_eq!(response(&torn, &SHAFT, &estimate), []);
+    }
 }

@@ -181,6 +181,26 @@ impl Plant {
 }
 
 impl Plant {
+    /// By which part each gain of the response is off, beyond what its coherence lacks of 1.
+    fn response_errors(&self, found: &Value) -> Vec<f64> {
+        let rows = found["response"].as_array().unwrap();
+        let of = |row: &Value, key: &str| row[key].as_f64().unwrap();
+        let [inertia, _, viscous, _] = self.truth;
+        let size = |hertz: f64, damping: f64, at: f64| {
+            let part = at / hertz;
+            (1.0 - part * part).hypot(2.0 * damping * part)
+        };
+        let error = |row: &Value| {
+            let at = of(row, "frequency_hz");
+            let mut truth = 1.0 / viscous.hypot(TAU * at * inertia);
+            if let Some([free, both, damping]) = self.swing {
+                truth *= size(free, damping * free / both, at) / size(both, damping, at);
+            }
+            (of(row, "gain") / truth - 1.0).abs() - (1.0 - of(row, "coherence"))
+        };
+        rows.iter().map(error).collect()
+    }
+
     fn motor(&self) -> Motor {
         let named = GENERIC.iter().find(|it| it.name == self.motor);
         *named.expect("a generic one")
@@ -285,7 +305,12 @@ struct Tally {
     /// Of antiresonance, resonance and damping ratio: how many are told, are within 3 %, have an interval that holds the
     /// truth, and are off by more with an interval that is narrower.
     swing: [[usize; 4]; 3],
+    /// Frequencies at which a response is told, and those at which its gain is [`NEAR`] the axis' own.
+    response: [usize; 2],
 }
+
+/// A gain that is so near, as a part, beyond what its coherence lacks of 1.
+const NEAR: f64 = 0.03;
 
 fn tally(count: usize, dice: &mut Dice) -> Tally {
     let folder = Folder::new();
@@ -307,6 +332,9 @@ fn tally(count: usize, dice: &mut Dice) -> Tally {
                 tally.worst[at] = tally.worst[at].max(error);
             }
         }
+        let off = plant.response_errors(&found);
+        tally.response[0] += off.len();
+        tally.response[1] += off.iter().filter(|off| **off <= NEAR).count();
         let stability = plant.stability(&found);
         let keeps = stability.is_some_and(|it| it.keeps(&PROMISED));
         tally.stable += usize::from(keeps);
@@ -336,6 +364,8 @@ fn drawn_plants_are_found_or_said_to_be_uncertain() {
     assert_eq!(tally.unflagged, 0, "{tally:?}");
     assert!(tally.right >= 2, "{tally:?}");
     assert_eq!(tally.stable, 3, "{tally:?}");
+    let [told, near] = tally.response;
+    assert!(told >= 30 && near * 10 >= told * 9, "{tally:?}");
 }
 
 /// What the numbers in docs/measured.md are of. The second hundred was drawn when the estimator stood.
