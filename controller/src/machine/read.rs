@@ -803,7 +803,7 @@ fn assumptions(log: &mut Log<'_>, mut tables: Table<'_, '_>) -> Vec<(&'static Mo
 /// What a table says of a model's assumptions.
 pub(super) fn assumed_of(log: &mut Log<'_>, table: &mut Table<'_, '_>, model: &Model) -> Assumed {
     let mut values = Vec::new();
-    for assumption in model.assumptions {
+    for assumption in model.assumptions.iter().copied().flatten() {
         let (least, most) = assumption.allowed.clone().into_inner();
         let range = i64::from(least)..=i64::from(most);
         if let Some(value) = table.integer_if(log, assumption.name, range, "") {

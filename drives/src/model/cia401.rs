@@ -31,10 +31,8 @@ pub(super) static CIA401: Model = Model {
     abilities: &[],
     generic: None,
     assumptions: &[
-        DIGITAL_WORDS,
-        ANALOG_ERROR_SHIFT,
-        T_PDO_RESPONSE,
-        SDO_RESPONSE,
+        &[DIGITAL_WORDS, ANALOG_ERROR_SHIFT],
+        &communication::responses(300, 3000),
     ],
     dictionary: dictionary::CIA401,
     reserved,
@@ -70,16 +68,6 @@ const ANALOG_ERROR_SHIFT: Assumption = Assumption {
     default: 0,
     allowed: 0..=16,
     meaning: "bits by which 6444h, of 32 bits, has a value further left than 6411h, of 16",
-};
-
-const T_PDO_RESPONSE: Assumption = Assumption {
-    default: 300,
-    ..communication::T_PDO_RESPONSE
-};
-
-const SDO_RESPONSE: Assumption = Assumption {
-    default: 3000,
-    ..communication::SDO_RESPONSE
 };
 
 /// Transmission types: at every SYNC, and by the events that the profile defines (CiA 301).
@@ -168,8 +156,6 @@ impl Cia401 {
                 answers_sync: t_pdo.or(t_pdo2).is_some() && !io.by_event,
                 t_pdos: t_pdo.into_iter().chain(t_pdo2).collect(),
                 r_pdos: digital.into_iter().chain(r_pdo2).collect(),
-                t_pdo_response: assumed.time(&T_PDO_RESPONSE),
-                sdo_response: assumed.time(&SDO_RESPONSE),
                 ..NodeSpec::new(&CIA401, settings, setup, |_| false)
             },
             outputs: 0,

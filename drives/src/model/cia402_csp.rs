@@ -11,11 +11,7 @@
 //! assumption as well.
 
 use super::profile::cia402::{self, INTERPOLATION_DELAY};
-use super::profile::communication::{SDO_RESPONSE, T_PDO_RESPONSE};
-use super::profile::generic::{
-    self, ENCODER_INCREMENTS, FIXED_MAPPING, HAS_PERIOD, HAS_RESOLUTION, Kind, PDOS, PRODUCT_CODE,
-    R_PDO, T_PDO, TELLS_FOLLOWING, VENDOR_ID,
-};
+use super::profile::generic::{self, COUNTING, Kind, SYNCHRONOUS, TELLS_FOLLOWING};
 use super::{
     Ability, Address, Assumption, Drive, DriveStatus, Feedback, Increments, Make, ModeDisplay,
     Model, NodeSpec, PowerCommand, PowerState, RemoteNode, Sample, Setpoint, Setpoints, Settings,
@@ -32,20 +28,10 @@ pub(super) static CIA402_CSP: Model = Model {
         Ability::Torque,
     ],
     assumptions: &[
-        MODE,
-        ENCODER_INCREMENTS,
-        HAS_RESOLUTION,
-        HAS_PERIOD,
-        TELLS_FOLLOWING,
-        VENDOR_ID,
-        PRODUCT_CODE,
-        PDOS,
-        R_PDO,
-        T_PDO,
-        FIXED_MAPPING,
-        INTERPOLATION_DELAY,
-        T_PDO_RESPONSE,
-        SDO_RESPONSE,
+        &[MODE, INTERPOLATION_DELAY],
+        COUNTING,
+        SYNCHRONOUS,
+        generic::DRIVE,
     ],
     reserved,
     ..generic::drive(

@@ -16,10 +16,8 @@
 //! is therefore set: it is a fault.
 
 use super::profile::cia402;
-use super::profile::communication::{SDO_RESPONSE, T_PDO_RESPONSE};
 use super::profile::generic::{
-    self, ENCODER_INCREMENTS, FIXED_MAPPING, HAS_PERIOD, HAS_RESOLUTION, Kind, PDOS, PRODUCT_CODE,
-    R_PDO, T_PDO, TELLS_FOLLOWING, VENDOR_ID,
+    self, COUNTING, ENCODER_INCREMENTS, Kind, SYNCHRONOUS, TELLS_FOLLOWING,
 };
 use super::{
     Ability, Address, Assumption, Data, Drive, DriveStatus, Dynamics, Feedback, Increments, Make,
@@ -31,23 +29,16 @@ use syncline_canopen::Frame;
 /// The drive in Cyclic Synchronous Velocity.
 pub(super) static CIA402_CSV: Model = Model {
     assumptions: &[
-        VELOCITY_UNITS,
-        VELOCITY_RPM,
-        INTERPOLATES,
-        VELOCITY_DELAY,
-        VELOCITY_LAG,
-        ENCODER_INCREMENTS,
-        HAS_RESOLUTION,
-        HAS_PERIOD,
-        TELLS_FOLLOWING,
-        VENDOR_ID,
-        PRODUCT_CODE,
-        PDOS,
-        R_PDO,
-        T_PDO,
-        FIXED_MAPPING,
-        T_PDO_RESPONSE,
-        SDO_RESPONSE,
+        &[
+            VELOCITY_UNITS,
+            VELOCITY_RPM,
+            INTERPOLATES,
+            VELOCITY_DELAY,
+            VELOCITY_LAG,
+        ],
+        COUNTING,
+        SYNCHRONOUS,
+        generic::DRIVE,
     ],
     reserved,
     ..generic::drive(
@@ -63,21 +54,15 @@ pub(super) static CIA402_CSV: Model = Model {
 pub(super) static CIA402_PV: Model = Model {
     abilities: &[Ability::ProfileVelocity],
     assumptions: &[
-        VELOCITY_UNITS,
-        VELOCITY_RPM,
-        RAMP,
-        VELOCITY_DELAY,
-        VELOCITY_LAG,
-        ENCODER_INCREMENTS,
-        HAS_RESOLUTION,
-        VENDOR_ID,
-        PRODUCT_CODE,
-        PDOS,
-        R_PDO,
-        T_PDO,
-        FIXED_MAPPING,
-        T_PDO_RESPONSE,
-        SDO_RESPONSE,
+        &[
+            VELOCITY_UNITS,
+            VELOCITY_RPM,
+            RAMP,
+            VELOCITY_DELAY,
+            VELOCITY_LAG,
+        ],
+        COUNTING,
+        generic::DRIVE,
     ],
     reserved,
     ..generic::drive(

@@ -12,10 +12,7 @@
 //! A drive that has lost its master would go on. What it does then (6007h) is therefore set: it is a fault.
 
 use super::profile::cia402;
-use super::profile::communication::{SDO_RESPONSE, T_PDO_RESPONSE};
-use super::profile::generic::{
-    self, FIXED_MAPPING, Kind, PDOS, PRODUCT_CODE, R_PDO, T_PDO, VENDOR_ID,
-};
+use super::profile::generic::{self, Kind};
 use super::{
     Address, Assumed, Assumption, Data, Drive, DriveStatus, Feedback, Increments, Make,
     ModeDisplay, Model, NodeSpec, OutOfRange, PowerCommand, RemoteNode, Sample, Setpoint,
@@ -29,17 +26,8 @@ pub(super) static CIA402_VL: Model = Model {
     // Increments/s are revolutions a minute.
     increments_per_revolution: |_| 60,
     assumptions: &[
-        VELOCITY_UNITS,
-        VELOCITY_RPM,
-        HAS_DIMENSION_FACTOR,
-        VENDOR_ID,
-        PRODUCT_CODE,
-        PDOS,
-        R_PDO,
-        T_PDO,
-        FIXED_MAPPING,
-        T_PDO_RESPONSE,
-        SDO_RESPONSE,
+        &[VELOCITY_UNITS, VELOCITY_RPM, HAS_DIMENSION_FACTOR],
+        generic::DRIVE,
     ],
     reserved,
     ..generic::drive(

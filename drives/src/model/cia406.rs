@@ -29,7 +29,7 @@ pub(super) static CIA406: Model = Model {
     cycles: Duration::from_micros(500)..=Duration::from_secs(1),
     increments_per_revolution: |assumed| assumed.value(&STEPS_PER_TURN),
     generic: None,
-    assumptions: &[
+    assumptions: &[&[
         STEPS_PER_TURN,
         TURNS,
         HAS_RESOLUTION,
@@ -42,7 +42,7 @@ pub(super) static CIA406: Model = Model {
         FIXED_MAPPING,
         T_PDO_RESPONSE,
         SDO_RESPONSE,
-    ],
+    ]],
     dictionary: dictionary::CIA406,
     reserved: cia406::reserved,
     positions: Increments::MIN..=Increments::MAX,

@@ -37,14 +37,14 @@ pub(super) static LXM32M: Model = Model {
         Ability::Torque,
     ],
     generic: None,
-    assumptions: &[
+    assumptions: &[&[
         INTERPOLATION_DELAY,
         SYNC_LOCKED,
         CAPTURE_JITTER,
         SPEED_UNITS,
         T_PDO_RESPONSE,
         SDO_RESPONSE,
-    ],
+    ]],
     dictionary: dictionary::LXM32M,
     reserved,
     inputs: &INPUTS,

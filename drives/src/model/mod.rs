@@ -94,8 +94,9 @@ pub struct Model {
     pub abilities: &'static [Ability],
     /// The model that it is an instance of, if a [`Description`] states it.
     pub generic: Option<&'static Self>,
-    /// What the manual leaves open, with the value taken unless the machine file says otherwise.
-    pub assumptions: &'static [Assumption],
+    /// What the manual leaves open, with the value taken unless the machine file says otherwise: its own, and groups that it
+    /// shares with other models.
+    pub assumptions: &'static [&'static [Assumption]],
     /// Its object dictionary.
     pub dictionary: &'static [Entry],
     /// Whether the controller itself writes or owns the object, so that a user must not.
@@ -246,6 +247,13 @@ impl Model {
     #[must_use]
     pub fn by_name(name: &str) -> Option<&'static Self> {
         MODELS.iter().copied().find(|model| model.name == name)
+    }
+
+    /// Its assumption of that name.
+    #[must_use]
+    pub fn assumption(&self, name: &str) -> Option<&'static Assumption> {
+        let mut assumptions = self.assumptions.iter().copied().flatten();
+        assumptions.find(|assumption| assumption.name == name)
     }
 
     /// A device of this model.

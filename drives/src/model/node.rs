@@ -1,7 +1,7 @@
 //! What every CANopen device of a machine has, whatever it does.
 
 use super::profile::communication::{self, SDO_RESPONSE, T_PDO_RESPONSE};
-use super::{Address, Model, Settings, Write};
+use super::{Address, Assumption, Model, Settings, Write};
 use core::{fmt, time::Duration};
 use syncline_canopen::NodeId;
 use syncline_canopen::budget::{NodeTraffic, Pdo};
@@ -71,14 +71,18 @@ pub struct NodeSpec {
 
 impl NodeSpec {
     /// A device with this set-up, which is read back but for those writes that are commands, not
-    /// settings. Its times are the assumptions [`T_PDO_RESPONSE`] and [`SDO_RESPONSE`]; it has
-    /// nothing else yet.
+    /// settings. Its times are the assumptions [`T_PDO_RESPONSE`] and [`SDO_RESPONSE`] as its model has
+    /// them; it has nothing else yet.
     pub(super) fn new(
         model: &'static Model,
         settings: &Settings,
         setup: Vec<Write>,
         is_command: fn(&Write) -> bool,
     ) -> Self {
+        let time = |common: &Assumption| {
+            let own = model.assumption(common.name);
+            settings.assumed.time(own.unwrap_or(common))
+        };
         Self {
             model,
             node: settings.node,
@@ -97,8 +101,8 @@ impl NodeSpec {
             sync_divider: 1,
             r_pdos: Vec::new(),
             latches_at_sync: true,
-            t_pdo_response: settings.assumed.time(&T_PDO_RESPONSE),
-            sdo_response: settings.assumed.time(&SDO_RESPONSE),
+            t_pdo_response: time(&T_PDO_RESPONSE),
+            sdo_response: time(&SDO_RESPONSE),
         }
     }
 

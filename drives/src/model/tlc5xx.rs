@@ -40,13 +40,14 @@ pub(super) static TLC5XX: Model = Model {
     abilities: &[Ability::PointToPoint],
     generic: None,
     assumptions: &[
-        UNITS_PER_RPM,
-        VELOCITY_DELAY,
-        POSITION_LAG,
-        REMOTE,
-        ABSOLUTE,
-        T_PDO_RESPONSE,
-        SDO_RESPONSE,
+        &[
+            UNITS_PER_RPM,
+            VELOCITY_DELAY,
+            POSITION_LAG,
+            REMOTE,
+            ABSOLUTE,
+        ],
+        &communication::responses(600, 4000),
     ],
     dictionary: dictionary::TLC5XX,
     reserved,
@@ -100,16 +101,6 @@ const ABSOLUTE: Assumption = Assumption {
     meaning: "level of controlword bit 6 at which a target is absolute (D-02)",
 };
 
-const T_PDO_RESPONSE: Assumption = Assumption {
-    default: 600,
-    ..communication::T_PDO_RESPONSE
-};
-
-const SDO_RESPONSE: Assumption = Assumption {
-    default: 4000,
-    ..communication::SDO_RESPONSE
-};
-
 const PROFILE_POSITION: i8 = 1;
 const PROFILE_VELOCITY: i8 = 3;
 
@@ -160,8 +151,6 @@ impl Tlc5xx {
                 tells_boot_up: false,
                 t_pdos: vec![communication::t_pdo(2, settings.node, 6)],
                 r_pdos: vec![communication::r_pdo(r_pdo, settings.node, 6)],
-                t_pdo_response: assumed.time(&T_PDO_RESPONSE),
-                sdo_response: assumed.time(&SDO_RESPONSE),
                 ..spec
             },
             units,

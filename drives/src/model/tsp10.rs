@@ -36,7 +36,10 @@ pub(super) static TSP10: Model = Model {
     positions: Increments::MIN..=Increments::MAX,
     abilities: &[Ability::PointToPoint],
     generic: None,
-    assumptions: &[STEPS, VELOCITY_DELAY, T_PDO_RESPONSE, SDO_RESPONSE],
+    assumptions: &[
+        &[STEPS, VELOCITY_DELAY],
+        &communication::responses(400, 2000),
+    ],
     dictionary: dictionary::TSP10,
     reserved,
     inputs: &[],
@@ -63,16 +66,6 @@ const VELOCITY_DELAY: Assumption = Assumption {
     default: 500,
     allowed: 0..=20_000,
     meaning: "time in µs from the arrival of a velocity until the motor turns with it, ramps aside",
-};
-
-const T_PDO_RESPONSE: Assumption = Assumption {
-    default: 400,
-    ..communication::T_PDO_RESPONSE
-};
-
-const SDO_RESPONSE: Assumption = Assumption {
-    default: 2000,
-    ..communication::SDO_RESPONSE
 };
 
 const PROFILE_POSITION: i8 = 1;
@@ -120,8 +113,6 @@ impl Tsp10 {
                 answers_sync: false,
                 r_pdos: vec![communication::r_pdo(r_pdo, settings.node, 6)],
                 latches_at_sync: false,
-                t_pdo_response: assumed.time(&T_PDO_RESPONSE),
-                sdo_response: assumed.time(&SDO_RESPONSE),
                 ..spec
             },
             latency: 1.0 + delay / cycle,

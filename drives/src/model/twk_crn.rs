@@ -34,11 +34,8 @@ pub(super) static TWK_CRN: Model = Model {
     increments_per_revolution: |assumed| Measure::of(assumed).per_turn,
     generic: None,
     assumptions: &[
-        STEPS_PER_TURN,
-        UNITS_PER_TURN,
-        TURNS_EXPONENT,
-        T_PDO_RESPONSE,
-        SDO_RESPONSE,
+        &[STEPS_PER_TURN, UNITS_PER_TURN, TURNS_EXPONENT],
+        &communication::responses(300, 3000),
     ],
     dictionary: dictionary::TWK_CRN_8192,
     reserved,
@@ -73,16 +70,6 @@ const TURNS_EXPONENT: Assumption = Assumption {
     default: 12,
     allowed: 1..=12,
     meaning: "with scaling on the position begins anew after two to the power of so many turns",
-};
-
-const T_PDO_RESPONSE: Assumption = Assumption {
-    default: 300,
-    ..communication::T_PDO_RESPONSE
-};
-
-const SDO_RESPONSE: Assumption = Assumption {
-    default: 3000,
-    ..communication::SDO_RESPONSE
 };
 
 /// 6000h: scaling is on; clockwise in any case (crn S25).
@@ -132,8 +119,6 @@ fn encoder(settings: &Settings) -> AbsoluteEncoder {
             // The position.
             t_pdos: vec![communication::t_pdo(2, settings.node, 4)],
             sync_divider: settings.sync_divider.into(),
-            t_pdo_response: assumed.time(&T_PDO_RESPONSE),
-            sdo_response: assumed.time(&SDO_RESPONSE),
             ..spec
         },
         range: Increments::new(measure.range.into()),

@@ -1,8 +1,9 @@
 //! Every model has its twin; a twin without a model is a device that only other masters use yet.
 
 use std::collections::BTreeSet;
+use std::time::Duration;
 use syncline_canopen::{NodeId, nmt};
-use syncline_drives::model::{MODELS, Model};
+use syncline_drives::model::{Assumed, MODELS, Model, Settings};
 use syncline_drives::twin::{Config, Kind, TWINS};
 
 #[test]
@@ -48,5 +49,25 @@ fn a_twin_is_made_as_it_was_asked_for() {
             (position, 0.0, 0.0)
         );
         assert!(!seen.is_powered && seen.nmt_state == nmt::State::Initialising);
+    }
+}
+
+/// Each by its own default, or as a machine file states it.
+#[test]
+fn each_answers_as_fast_as_its_model_says() {
+    let settings = |assumed| Settings {
+        assumed: Assumed(assumed),
+        ..Settings::new(NodeId::new(5).unwrap(), Duration::from_millis(4))
+    };
+    for model in MODELS {
+        let times = |settings: &Settings| {
+            let spec = model.device(settings).spec().clone();
+            [spec.t_pdo_response, spec.sdo_response].map(|time| time.as_micros() as u32)
+        };
+        let names = ["t_pdo_response_us", "sdo_response_us"];
+        let defaults = names.map(|name| model.assumption(name).expect(name).default);
+        assert_eq!(times(&settings(vec![])), defaults, "{}", model.name);
+        let stated = vec![(names[0], 77), (names[1], 1234)];
+        assert_eq!(times(&settings(stated)), [77, 1234], "{}", model.name);
     }
 }

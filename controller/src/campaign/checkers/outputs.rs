@@ -543,7 +543,7 @@ fn units_of(machine: &Machine, drive: &SpindleDrive) -> f64 {
     let assumed = machine.assumed(drive.model).0;
     let of = |name: &str| {
         let mut stated = assumed.iter().filter(|(known, _)| *known == name);
-        let usual = (drive.model.assumptions.iter()).find(|it| it.name == name);
+        let usual = drive.model.assumption(name);
         let stated = stated.next().map(|it| it.1);
         stated.or(usual.map(|it| it.default)).unwrap_or(0)
     };

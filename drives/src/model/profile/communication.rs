@@ -21,6 +21,19 @@ pub(in crate::model) const SDO_RESPONSE: Assumption = Assumption {
     meaning: "longest time in µs from the end of an SDO request until the drive queues its answer",
 };
 
+/// Both, of a device that takes so many microseconds at most.
+pub(in crate::model) const fn responses(t_pdo: u32, sdo: u32) -> [Assumption; 2] {
+    let t_pdo = Assumption {
+        default: t_pdo,
+        ..T_PDO_RESPONSE
+    };
+    let sdo = Assumption {
+        default: sdo,
+        ..SDO_RESPONSE
+    };
+    [t_pdo, sdo]
+}
+
 /// The device's own heartbeat (1017h) and its watch on the controller's (1016h:1).
 pub(in crate::model) fn heartbeats(heartbeat: &Heartbeat) -> [Write; 2] {
     let ms = |time: Duration| time.as_millis().min(u16::MAX.into()) as u16;

@@ -5,7 +5,7 @@
 //! way, is an [`Assumption`].
 
 use super::cia402;
-use super::communication;
+use super::communication::{self, SDO_RESPONSE, T_PDO_RESPONSE};
 use crate::dictionary;
 use crate::model::{
     Address, Assumed, Assumption, Data, Identity, Increments, Make, Model, NodeSpec, Settings,
@@ -84,6 +84,24 @@ pub(in crate::model) const FIXED_MAPPING: Assumption = Assumption {
     allowed: 0..=1,
     meaning: "1: the two PDOs are mapped by the maker as they have to be, which is read; 0: they are mapped by the set-up",
 };
+
+/// How a drive counts that tells a position.
+pub(in crate::model) const COUNTING: &[Assumption] = &[ENCODER_INCREMENTS, HAS_RESOLUTION];
+
+/// What one may leave out of a cyclic synchronous mode.
+pub(in crate::model) const SYNCHRONOUS: &[Assumption] = &[HAS_PERIOD, TELLS_FOLLOWING];
+
+/// Who made it, its PDOs, and how fast it answers.
+pub(in crate::model) const DRIVE: &[Assumption] = &[
+    VENDOR_ID,
+    PRODUCT_CODE,
+    PDOS,
+    R_PDO,
+    T_PDO,
+    FIXED_MAPPING,
+    T_PDO_RESPONSE,
+    SDO_RESPONSE,
+];
 
 /// What generic drives differ in.
 #[derive(Clone, Copy, Debug)]
