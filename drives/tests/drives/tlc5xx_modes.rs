@@ -5,10 +5,13 @@ use crate::common::tlc5xx::{
     config, drive, enabled, is_at, of, position, reach, set, switches, until, with,
 };
 use crate::common::{Bench, HALT, TARGET_REACHED, id, ms, rpm, status};
+use proptest::prelude::*;
 use syncline_canopen::cia402::State;
 use syncline_canopen::nmt::Command;
 use syncline_drives::twin::node::Processor;
-use syncline_drives::twin::tlc5xx::{Bit6, Policies, PositionFactor, Twin, TwinConfig};
+use syncline_drives::twin::tlc5xx::{
+    Bit6, OffsetSpeed, Policies, PositionFactor, Twin, TwinConfig,
+};
 use syncline_drives::twin::{Disturbance, SimulatedDevice};
 
 // ---- profile position ----
@@ -506,6 +509,96 @@ fn electronic_gear() {
     assert!((rpm(&mut bench) + 60.0).abs() < 1.0);
     set(&mut bench, 0x209D, 0, 0).unwrap();
     until(&mut bench, 5, "rest", |bench| rpm(bench).abs() < 0.5);
+}
+
+/// How far the reference goes in 0.9 s beside what so many pulses/s make of it, increments.
+fn beside(bench: &mut Bench<Twin>, pulses: f64) -> f64 {
+    let before = bench.read_i32(1, 0x2071, 0);
+    let from = bench.now();
+    bench.wait(ms(900));
+    let seconds = (bench.now() - from).as_secs_f64();
+    f64::from(bench.read_i32(1, 0x2071, 0) - before) - pulses * seconds
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+
+    /// Offset positioning adds to the gear what it is sent, absolute from the reference point that 20A8h sets or relative,
+    /// no faster than 20A7h, and 20A5h tells its end (4500-4535, 12563-12700).
+    #[test]
+    fn offset_positioning_on_top_of_the_gear(
+        pulses in -20_000.0..20_000.0f64,
+        reference in -5000..5000i32,
+        way in prop_oneof![-4000..-100i32, 100..4000i32],
+        is_absolute: bool,
+        in_rpm: bool,
+        again in -3000..3000i32,
+    ) {
+        let offset_speed = match in_rpm {
+            true => OffsetSpeed::RevolutionsPerMinute,
+            false => OffsetSpeed::IncrementsPerSecond,
+        };
+        let mut bench = with(Policies { offset_speed, ..Policies::default() });
+        enabled(&mut bench, -1);
+        bench.twin().set_pulse_frequency(pulses);
+        // 12 000 inc/s and 60 r/min: the way takes a third of a second at most.
+        set(&mut bench, 0x20A7, 0, if in_rpm { 60 } else { 12_000 }).unwrap();
+        for index in [0x20F8, 0x20F9] {
+            set(&mut bench, index, 0, 60_000).unwrap();
+        }
+        // Without the gear nothing starts.
+        set(&mut bench, 0x20A6, 0, 1000).unwrap();
+        prop_assert!(beside(&mut bench, 0.0).abs() <= 1.0);
+        prop_assert_eq!(bench.number(1, 0x20A5, 0), 0);
+        set(&mut bench, 0x209D, 0, 1).unwrap();
+        bench.wait(ms(50));
+        set(&mut bench, 0x20A8, 0, reference).unwrap();
+        let (index, sent) = if is_absolute { (0x20A4, reference + way) } else { (0x20A6, way) };
+        set(&mut bench, index, 0, sent).unwrap();
+        bench.wait(ms(5));
+        prop_assert_eq!(bench.number(1, 0x20A5, 0), 0, "under way");
+        let near = |is: f64, due: i32| (is - f64::from(due)).abs() <= 0.02 * f64::from(due.abs()) + 80.0;
+        // A few ms of it are over.
+        let moved = beside(&mut bench, pulses);
+        prop_assert!(near(moved, way), "{moved}, {way}");
+        prop_assert_eq!(bench.number(1, 0x20A5, 0), 0x6000, "reached");
+        // From where it is now to another place, counted from the reference point.
+        set(&mut bench, 0x20A4, 0, reference + again).unwrap();
+        let moved = beside(&mut bench, pulses);
+        prop_assert!(near(moved, again - way), "{moved}, {again} - {way}");
+        // Off: what is under way ends there.
+        set(&mut bench, 0x20A6, 0, 30_000).unwrap();
+        bench.wait(ms(20));
+        set(&mut bench, 0x209D, 0, 0).unwrap();
+        bench.wait(ms(20));
+        prop_assert_eq!(bench.number(1, 0x20A5, 0), 0xC000, "error, ended");
+        bench.wait(ms(800));
+        prop_assert!(beside(&mut bench, 0.0).abs() <= 1.0);
+    }
+}
+
+#[test]
+fn offset_positioning_is_no_faster_than_it_is_told() {
+    let mut bench = drive(-1);
+    set(&mut bench, 0x209D, 0, 1).unwrap();
+    for index in [0x20F8, 0x20F9] {
+        set(&mut bench, index, 0, 60_000).unwrap();
+    }
+    // 60 increments/s by default.
+    set(&mut bench, 0x20A6, 0, 1000).unwrap();
+    bench.wait(ms(100));
+    let moved = beside(&mut bench, 0.0);
+    assert!((moved - 54.0).abs() <= 2.0, "{moved}");
+    // While it goes its reference point is left alone, and so is it under local control.
+    set(&mut bench, 0x20A8, 0, 5).unwrap();
+    bench.twin().disturb(Disturbance::Remote(false));
+    for index in [0x20A4, 0x20A6, 0x20A8] {
+        assert_eq!(
+            set(&mut bench, index, 0, 1),
+            Err(0x0800_0021),
+            "{index:04X}"
+        );
+    }
 }
 
 /// Both kinds of places, in the background of a movement, both ways (4649-4665).

@@ -2,7 +2,7 @@
 
 use super::TwinConfig;
 use super::fault::DriveError;
-use super::modes::{Homing, List, Manual, Mode, Movement, Target};
+use super::modes::{Homing, List, Manual, Mode, Movement, Offset, Target};
 use super::motion::Motion;
 use super::policy::Policies;
 use super::settings::{INCREMENTS_PER_REVOLUTION, RPM, Settings};
@@ -60,6 +60,7 @@ pub struct Drive {
     pub(super) next_target: Option<Target>,
     pub(super) homing: Homing,
     pub(super) manual: Manual,
+    pub(super) offset: Offset,
     pub(super) list: List,
     /// The movement that Halt interrupted (5342-5349).
     pub(super) halted: Option<Motion>,
@@ -119,6 +120,7 @@ impl Drive {
             next_target: None,
             homing: Homing::default(),
             manual: Manual::default(),
+            offset: Offset::default(),
             list: List::default(),
             halted: None,
             pulse_frequency: 0.0,

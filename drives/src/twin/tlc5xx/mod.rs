@@ -35,7 +35,7 @@ mod signals;
 mod state;
 
 pub use fault::DriveError;
-pub use policy::{Bit6, Bit9, FaultBits, Policies, PositionFactor};
+pub use policy::{Bit6, Bit9, FaultBits, OffsetSpeed, Policies, PositionFactor};
 pub use signals::Switches;
 
 use super::device::{Config, Kind};

@@ -21,6 +21,8 @@ pub struct Policies {
     pub fault: FaultBits,
     /// What the position factor 6093h relates.
     pub position_factor: PositionFactor,
+    /// What 20A7h counts, the speed of offset positioning (D-30).
+    pub offset_speed: OffsetSpeed,
     /// Whether an absolute target is taken before a reference point is defined, by homing or by
     /// setting the position. The manual asks for one (3154) and prints no reaction: EMCY FF22h.
     pub absolute_without_reference: bool,
@@ -70,6 +72,15 @@ pub enum PositionFactor {
     UnitsPerIncrement,
 }
 
+/// What 20A7h counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OffsetSpeed {
+    /// As its description and the list of objects print (12664).
+    IncrementsPerSecond,
+    /// As the figure prints (4423), and as its range of 12000 suggests.
+    RevolutionsPerMinute,
+}
+
 impl Default for Policies {
     fn default() -> Self {
         Self {
@@ -78,6 +89,7 @@ impl Default for Policies {
             remote: Bit9::ClearIsFieldbus,
             fault: FaultBits::AllFour,
             position_factor: PositionFactor::RevolutionsPerUnit,
+            offset_speed: OffsetSpeed::IncrementsPerSecond,
             absolute_without_reference: false,
             enable_time: Duration::from_millis(4),
             parameters_in_operational: false,

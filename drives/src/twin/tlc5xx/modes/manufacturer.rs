@@ -9,9 +9,9 @@ use crate::twin::tlc5xx::settings::{RPM, Settings};
 use syncline_canopen::node::Origin;
 
 /// Bits of the states of the modes (12056-12292).
-const REACHED: u16 = 1 << 13;
-const ENDED: u16 = 1 << 14;
-const FAILED: u16 = 1 << 15;
+pub(super) const REACHED: u16 = 1 << 13;
+pub(super) const ENDED: u16 = 1 << 14;
+pub(super) const FAILED: u16 = 1 << 15;
 
 impl Drive {
     /// A starting object of a mode was written. Outside of the manufacturer's mode and of state 6
@@ -29,6 +29,8 @@ impl Drive {
             }
             0x2095 => self.turn_at(value, self.settings.manufacturer),
             0x209D => self.start_gear(value),
+            0x20A4 | 0x20A6 => self.start_offset(value, index == 0x20A4),
+            0x20A8 => self.set_offset(value),
             0x20A9 => self.start_manual(value),
             0x20F0 => self.start_homing(Homing::of_manufacturer(value)),
             0x20F6 => self.set_zero(value),
@@ -67,6 +69,7 @@ impl Drive {
             }
             _ if self.movement == Movement::Gear => {
                 self.movement = Movement::None;
+                self.offset.interrupt();
                 self.motion = Motion::Stop(self.settings.manufacturer.deceleration);
             }
             _ => {}
@@ -74,7 +77,7 @@ impl Drive {
     }
 
     /// The reference follows the pulses by 20A1h / 20A2h, no faster than 209Fh, in the directions of
-    /// 209Ch, which 2045h swaps (12326-12336).
+    /// 209Ch, which 2045h swaps (12326-12336), and what moves beside them.
     pub(in crate::twin::tlc5xx) fn follow_pulses(&mut self) {
         let value = |index| self.objects.value(index, 0).unwrap_or(0);
         let ratio = value(0x20A1) as f64 / value(0x20A2).max(1) as f64;
@@ -85,13 +88,14 @@ impl Drive {
             (2, false) | (1, true) => velocity.min(0.0),
             _ => velocity,
         };
-        self.ramp.velocity = released;
-        self.ramp.position += released * POSITION_STEP;
+        let (beside, speed) = self.step_offset();
+        self.ramp.velocity = released + speed;
+        self.ramp.position += released * POSITION_STEP + beside;
     }
 
     // ---- what they show ----
 
-    /// 2091h, 2096h, 209Eh, 20F1h, 20F5h (11.9 of the digest), and the captures.
+    /// 2091h, 2096h, 209Eh, 20A5h, 20F1h, 20F5h (11.9 of the digest), and the captures.
     pub(in crate::twin::tlc5xx) fn publish_states(&mut self) {
         for (index, movement) in [
             (0x2091, Movement::Position),
@@ -113,6 +117,7 @@ impl Drive {
             }
             self.objects.put(index, 0, state.into());
         }
+        self.objects.put(0x20A5, 0, self.offset.state().into());
         self.publish_captures();
     }
 }

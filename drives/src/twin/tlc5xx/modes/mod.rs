@@ -9,12 +9,14 @@ mod homing;
 mod list;
 mod manual;
 mod manufacturer;
+mod offset;
 mod parameters;
 mod profile;
 
 pub(super) use homing::Homing;
 pub(super) use list::List;
 pub(super) use manual::Manual;
+pub(super) use offset::Offset;
 pub(super) use profile::Target;
 
 use super::drive::Drive;
@@ -154,6 +156,7 @@ impl Drive {
         self.next_target = None;
         self.homing = Homing::default();
         self.manual = Manual::default();
+        self.offset.interrupt();
         self.halted = None;
         self.setpoint_acknowledged = false;
     }
