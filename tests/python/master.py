@@ -1,5 +1,6 @@
 """What every master here has: the bus that its arguments name, waits that end, aborts that are meant."""
 
+import struct
 import sys
 import threading
 import time
@@ -60,6 +61,23 @@ def aborted(code, access):
         assert error.code == code, f"{error.code:08X} instead of {code:08X}"
     else:
         raise AssertionError(f"not aborted with {code:08X}")
+
+
+def protocol_aborts(node, index):
+    """Asserts what an SDO server refuses whatever the object is; the one at index has four bytes, which may be written."""
+    request = node.sdo.request_response
+    address = struct.pack("<HB", index, 0)
+
+    def begin(size):
+        return request(b"\x21" + address + struct.pack("<I", size))
+
+    aborted(0x05040001, lambda: request(b"\xe0" + address + bytes(4)))
+    aborted(0x06070012, lambda: begin(1 << 20))
+    begin(4)
+    aborted(0x05030000, lambda: request(b"\x17" + bytes(7)))
+    begin(4)
+    # Two bytes, and no more of them.
+    aborted(0x06070010, lambda: request(b"\x0b" + bytes(7)))
 
 
 def connected(interface, *options):

@@ -9,7 +9,7 @@ is bounded.
 
 import struct
 
-from master import TARGET_REACHED, aborted, answers, ok, take_through, until, word
+from master import TARGET_REACHED, aborted, answers, ok, protocol_aborts, take_through, until, word
 
 REFERENCED = 1 << 8
 
@@ -32,6 +32,7 @@ def bring_up(node):
 def aborts(node):
     sdo = node.sdo
     aborted(0x06010002, lambda: sdo.download(0x6099, 2, bytes(4)))
+    protocol_aborts(node, 0x607A)
     aborted(0x06020000, lambda: sdo.upload(0x1017, 0))
     aborted(0x06070012, lambda: sdo.download(0x6040, 0, bytes(4)))
     aborted(0x06070013, lambda: sdo.download(0x6040, 0, bytes(1)))

@@ -9,7 +9,7 @@ with an AssertionError. Every wait is bounded.
 
 import struct
 
-from master import aborted, answers, ok, received, take_through, until
+from master import aborted, answers, ok, protocol_aborts, received, take_through, until
 
 SAVE, LOAD = 0x65766173, 0x64616F6C
 
@@ -59,6 +59,7 @@ def process_data(node):
 def aborts(node):
     sdo = node.sdo
     aborted(0x05040001, lambda: block_upload(sdo))
+    protocol_aborts(node, 0x6001)
     aborted(0x06010002, lambda: sdo.download(0x6004, 0, bytes(4)))
     aborted(0x06020000, lambda: sdo.upload(0x1018, 1))
     aborted(0x06070012, lambda: sdo.download(0x6000, 0, bytes(4)))
