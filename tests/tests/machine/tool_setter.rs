@@ -68,11 +68,17 @@ fn the_page_has_the_program_that_is_tested() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
 
-    /// Each length is found, as well as its contact is known, and the tip is where the program has it.
+    /// Each length is found, as well as its contact is known, and the tip is where the program has it: by a contact that closes
+    /// and by one that opens.
     #[test]
-    fn a_program_measures_a_tool(length in 5.0..60.0f64, is_captured: bool) {
+    fn a_program_measures_a_tool(length in 5.0..60.0f64, is_captured: bool, opens: bool) {
         let signal = if is_captured { "DI0" } else { "DI3" };
-        let (found, z) = measured(rig(signal, length, &program()));
+        let mut wired = wired(signal, length);
+        if opens {
+            wired = wired.replacen("function", "active_low = true\nfunction", 1);
+        }
+        let rig = Rig::new("xyz", &[("[model.lxm32m]", &wired)], &program(), |_, _| ());
+        let (found, z) = measured(rig);
         // 2 increments; or half of what Z goes at 0.5 mm/s in a cycle.
         let off = if is_captured { 0.0005 } else { 0.002 };
         prop_assert!((found - length).abs() <= off, "{} for {}", found, length);
