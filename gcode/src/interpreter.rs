@@ -11,6 +11,7 @@ use super::axes::Point;
 use super::block::Block;
 use super::command::{Action, Command, Span};
 use super::compensation::Compensation;
+use super::coordinates::WorkCoordinates;
 use super::entry::{Entry, InEffect, Passed, Place};
 use super::error::{Error, Fault, Origin, Refusal};
 use super::execute::{Continuation, State};
@@ -185,6 +186,11 @@ impl Interpreter {
     /// The modal state after that block.
     pub fn modes(&self) -> &Modes {
         &self.state.modes
+    }
+
+    /// How the program's coordinates lie in the machine after that block.
+    pub fn coordinates(&self) -> WorkCoordinates {
+        self.state.coordinates()
     }
 
     /// The programmed position after that block, machine coordinates.

@@ -603,6 +603,7 @@ impl Feeder {
                 mode,
                 tag: self.tag,
             });
+            self.upcoming.tell_modal(self.tag, &self.interpreter);
             self.tag += 1;
             let tolerance = mode.tolerance().max(ON_THE_PATH);
             (self.upcoming).tell(Step::Move(ProgramMove::new(

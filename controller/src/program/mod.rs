@@ -25,7 +25,7 @@ pub use feed::{counted_speed, moved};
 pub use feeder::Feeder;
 pub use interrupted::Interrupted;
 pub use mistakes::{Mistake, Mistakes};
-pub use moves::{Moves, ProgramMove, Upcoming};
+pub use moves::{ModalState, Moves, ProgramMove, Upcoming};
 pub use reading::Reading;
 pub use threads::NoThread;
 pub use timetable::Timetable;

@@ -7,7 +7,7 @@ use crossbeam::channel::{self, Receiver, Sender};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Weak};
-use syncline_gcode::{self as gcode, Action, Place};
+use syncline_gcode::{self as gcode, Action, Modes, Place, WorkCoordinates};
 use syncline_trajectory::path::curve::ArcDefinition;
 use syncline_trajectory::path::segment_fitting::MoveEnd;
 use syncline_trajectory::path::{Curve, CurveError, Line, Plane};
@@ -224,6 +224,17 @@ pub struct Upcoming {
     steps: Sender<Step>,
     /// As [`Moves`] has it, as long as there is one.
     first: Weak<AtomicU32>,
+    /// What was told last.
+    modal: Option<ModalState>,
+}
+
+/// What is in effect in a block.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ModalState {
+    /// The codes.
+    pub modes: Modes,
+    /// Where the program's coordinates lie in the machine: work offset, tool length, G92 and rotation.
+    pub coordinates: WorkCoordinates,
 }
 
 /// What becomes known of a program.
@@ -235,6 +246,8 @@ pub(super) enum Step {
     End(MoveEnd),
     Stop(ProgramStop),
     Message(String),
+    /// It is in effect from the move with that tag on.
+    Modal(u32, Box<ModalState>),
 }
 
 /// Where the path rests for a block.
@@ -253,6 +266,18 @@ impl Upcoming {
         let _ = self.steps.send(step);
     }
 
+    /// Tells what is in effect from the move with this tag on, where that is something else than before.
+    pub(super) fn tell_modal(&mut self, tag: u32, interpreter: &gcode::Interpreter) {
+        let (modes, coordinates) = (interpreter.modes(), interpreter.coordinates());
+        let mut told = self.modal.iter();
+        if !told.any(|it| it.modes == *modes && it.coordinates == coordinates) {
+            let modes = modes.clone();
+            let modal = ModalState { modes, coordinates };
+            self.tell(Step::Modal(tag, Box::new(modal.clone())));
+            self.modal = Some(modal);
+        }
+    }
+
     /// The tag of the first move that is not forgotten, if somebody follows the machine along the moves.
     pub(super) fn first(&self) -> Option<u32> {
         Some(self.first.upgrade()?.load(Ordering::Relaxed))
@@ -269,6 +294,8 @@ pub struct Moves {
     messages: VecDeque<String>,
     /// Those that are not passed.
     stops: VecDeque<ProgramStop>,
+    /// Each with the tag of the first move that it is in effect in.
+    modal: VecDeque<(u32, Box<ModalState>)>,
     begun: Option<(Position, Place)>,
 }
 
@@ -281,6 +308,7 @@ impl Moves {
         let upcoming = Upcoming {
             steps,
             first: Arc::downgrade(&first),
+            modal: None,
         };
         let moves = Self {
             coming,
@@ -288,6 +316,7 @@ impl Moves {
             first,
             messages: VecDeque::new(),
             stops: VecDeque::new(),
+            modal: VecDeque::new(),
             begun: None,
         };
         (upcoming, moves)
@@ -306,6 +335,7 @@ impl Moves {
                 Step::Stop(stop) => self.stops.push_back(stop),
                 Step::Move(motion) => self.moves.push_back(motion),
                 Step::Message(text) => self.messages.push_back(text),
+                Step::Modal(tag, modal) => self.modal.push_back((tag, modal)),
                 Step::End(MoveEnd { tag, at }) => {
                     let index = tag.checked_sub(first).map(|index| index as usize);
                     if let Some(motion) = index.and_then(|index| self.moves.get_mut(index)) {
@@ -342,6 +372,14 @@ impl Moves {
     #[must_use]
     pub fn motion(&self, tag: u32) -> Option<&ProgramMove> {
         self.moves.get(tag.checked_sub(self.first())? as usize)
+    }
+
+    /// What has come into effect up to the move with this tag since this was asked last.
+    pub fn next_modal(&mut self, tag: u32) -> Option<ModalState> {
+        let come = self.modal.iter().take_while(|(from, _)| *from <= tag);
+        let come = come.count();
+        let last = self.modal.drain(..come).next_back();
+        last.map(|(_, modal)| *modal)
     }
 
     /// Where the machine stood when the program began, and where it was begun, as soon as that is known.

@@ -3,7 +3,7 @@
 use crate::control::Row;
 use crate::machine::{COORDINATES, Position};
 use crate::observe::deviation::AHEAD;
-use crate::program::Moves;
+use crate::program::{ModalState, Moves};
 use std::ops::RangeInclusive;
 use syncline_gcode::Place;
 
@@ -21,6 +21,8 @@ pub(super) struct Job {
     pub(super) moves: Moves,
     /// The line of the block at work.
     pub(super) line: u32,
+    /// What is in effect in it, once a move is at work.
+    pub(super) modal: Option<ModalState>,
     /// Tags of the moves that setpoint and tool may be on; `None` off the path.
     pub(super) tags: Option<RangeInclusive<u32>>,
     /// Of the moves at the last rows, the newest first.
@@ -42,6 +44,7 @@ impl Job {
             number,
             moves,
             line: 0,
+            modal: None,
             tags: None,
             last: [0; ROWS_BEHIND],
             rested: false,
@@ -55,6 +58,7 @@ impl Job {
     /// moves says where they are to be.
     pub(super) fn end(&mut self) {
         self.over = true;
+        self.modal = None;
         self.rests_for = None;
     }
 
@@ -90,8 +94,8 @@ impl Job {
         Some((start, place.or(self.behind).unwrap_or(begun)))
     }
 
-    /// Follows the setpoint along the program.
-    pub(super) fn follow(&mut self, row: &Row<COORDINATES>) {
+    /// Follows the setpoint along the program; whether something else comes into effect there.
+    pub(super) fn follow(&mut self, row: &Row<COORDINATES>) -> bool {
         self.moves.take_up();
         self.tags = None;
         if self.over && row.plan.speed == 0.0 {
@@ -104,10 +108,13 @@ impl Job {
         self.last.rotate_right(1);
         if row.plan.off_path {
             self.last[0] = self.last[1];
-            return;
+            return false;
         }
         let tag = self.moves.at(row.plan.tag, row.plan.distance);
         self.last[0] = tag;
+        let modal = self.moves.next_modal(tag).filter(|_| !self.over);
+        let changes = modal.is_some();
+        self.modal = modal.or(self.modal.take());
         self.moves.passed(tag.saturating_sub(KEPT));
         // Until it moves on, what it rested for was the last block.
         let rests = row.plan.speed == 0.0 && self.last[1] == tag;
@@ -122,5 +129,6 @@ impl Job {
             });
             self.tags = Some(first.saturating_sub(MOVES_BEHIND)..=last);
         }
+        changes
     }
 }

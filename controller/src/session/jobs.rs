@@ -14,7 +14,7 @@ use crate::program::{Interrupted, Left, Moves, Program, Programs, Setting};
 use crate::run::Work;
 use std::fs::File;
 use std::path::{Path, PathBuf};
-use syncline_gcode::{AxisSet, InEffect, Memory, Place, Point, WorkCoordinates};
+use syncline_gcode::{AxisSet, InEffect, Memory, Place, WorkCoordinates};
 
 /// See the module.
 pub(super) struct Jobs {
@@ -238,15 +238,6 @@ impl Jobs {
         let file = self.loaded.as_ref().ok_or(Refusal::NoProgram)?;
         let program = self.programs.file(file).from_line(from_line);
         Ok(program.wait_at_the_line())
-    }
-
-    /// Of positions in work coordinates, those in machine coordinates, from `here`.
-    pub(super) fn machine_coordinates(
-        &self,
-        positions: &[Option<f64>; COORDINATES],
-        here: &Position,
-    ) -> [Option<f64>; COORDINATES] {
-        self.coordinates().place(positions, Point(*here))
     }
 
     /// The job did not begin: what it was to take the place of is at work as before.

@@ -51,6 +51,7 @@ use std::collections::VecDeque;
 use std::path::Path;
 use std::sync::Arc;
 use syncline_drives::model::PowerState;
+use syncline_gcode::Point;
 
 /// A machine, its job, its operators and all who watch, on a [`Timeline`].
 pub struct Session<T> {
@@ -390,7 +391,8 @@ impl Desk {
                 Ok(Asked::Own)
             }
             Command::GoTo(positions) => {
-                let to = jobs.machine_coordinates(positions, &self.status.setpoint);
+                let here = Point(self.status.setpoint);
+                let to = self.status.coordinates().place(positions, here);
                 let order = self.settings.order(&Command::Jog(Jog::Line(to)));
                 Ok(order.map_or(Asked::Own, Asked::Order))
             }
@@ -633,7 +635,9 @@ impl Desk {
 
     /// Takes what happened at one SYNC of the program.
     fn follow(&mut self, row: &Row<COORDINATES>) {
-        self.job.follow(row);
+        if self.job.follow(row) {
+            self.show_programs();
+        }
         let mut actual = row.plan.position;
         for &at in &self.coordinates {
             actual[at] = row.axes[at].act;
@@ -725,14 +729,18 @@ impl Desk {
         }
     }
 
-    /// Shows what the programs so far have left.
+    /// Shows what is in effect in the block at work, and otherwise what the programs so far have left.
     fn show_programs(&mut self) {
+        let (coordinates, modes) = match (&self.job.modal, &self.jobs) {
+            (Some(modal), _) => (modal.coordinates, &modal.modes),
+            (None, Some(jobs)) => (jobs.coordinates(), jobs.memory().modes()),
+            (None, None) => return,
+        };
+        self.status.offset = coordinates.origin.0;
+        self.status.rotation = coordinates.rotation;
+        self.status.modes = modes.to_string();
         if let Some(jobs) = &self.jobs {
-            let coordinates = jobs.coordinates();
-            self.status.offset = coordinates.origin.0;
             self.status.interrupted = jobs.interrupted();
-            self.status.rotation = coordinates.rotation;
-            self.status.modes = jobs.memory().modes().to_string();
             self.status.program = jobs.loaded().map(Path::to_owned);
         }
     }

@@ -66,11 +66,12 @@ pub struct Status {
     pub measured: [Option<MeasuredSample>; MEASURED],
     /// M7, M8, M9.
     pub coolant: Coolant,
-    /// What lies between work and machine coordinates where the next job begins, mm and degrees.
+    /// What lies between work and machine coordinates in the block at work, and otherwise where the next job begins, mm and
+    /// degrees.
     pub offset: [f64; COORDINATES],
     /// By how much X and Y of the work are turned about there, degrees, counterclockwise.
     pub rotation: f64,
-    /// The modal state in which the next job begins, as its codes.
+    /// The modal state of the block at work, and otherwise the one in which the next job begins, as its codes.
     pub modes: String,
     /// The program that is loaded.
     pub program: Option<PathBuf>,
@@ -148,11 +149,15 @@ impl Status {
     /// Where the axes are in work coordinates, mm and degrees.
     #[must_use]
     pub fn work_position(&self) -> [f64; COORDINATES] {
-        let coordinates = WorkCoordinates {
+        self.coordinates().to_program(Point(self.actual)).0
+    }
+
+    /// How work coordinates lie in the machine.
+    pub(super) fn coordinates(&self) -> WorkCoordinates {
+        WorkCoordinates {
             origin: Point(self.offset),
             rotation: self.rotation,
-        };
-        coordinates.to_program(Point(self.actual)).0
+        }
     }
 
     /// The state, and whether axes have to be homed in it: `ready (unreferenced)`.
