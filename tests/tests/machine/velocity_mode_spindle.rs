@@ -86,6 +86,16 @@ fn a_drive_that_counts_otherwise_is_told_so_or_known_to() {
     }
 }
 
+/// The nearest speed that it can be sent is at speed, however far from S.
+#[test]
+fn what_a_coarse_unit_leaves_is_at_speed() {
+    let model = "model = \"cia402_vl\"\n\n[model.cia402_vl]\nvelocity_units = 1\nvelocity_rpm = 20";
+    let program = "G21 G90 G61\nM3 S70\nG1 X10 F3000\nM5\nM2\n";
+    let mut rig = driven_spindle::drill_with(&[(PV, model)], program, |_, _| ());
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    assert_eq!(sent(&rig).1, [0, 4, 0]);
+}
+
 #[test]
 fn left_on_it_stands_before_power_is_taken_off() {
     assert_stands_before_power_is_taken_off(drill);
