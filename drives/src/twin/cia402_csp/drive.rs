@@ -9,15 +9,11 @@ use super::{
 };
 use crate::twin::device::{Disturbance, ErrorClass, Ripple};
 use crate::twin::node::Firmware;
-use crate::twin::servo::axis::ServoAxis;
 use crate::twin::servo::cascade::{POSITION_STEP, Reference};
-use crate::twin::servo::clock::Clock;
-use crate::twin::servo::encoder::Encoder;
 use crate::twin::servo::firmware::{Servo, ServoFirmware};
 use crate::twin::servo::lasting::Lasting;
 use crate::twin::servo::loops::Loops;
 use crate::twin::servo::ramp::{Limits, Ramp};
-use crate::twin::servo::shaft::Shaft;
 use core::f64::consts::TAU;
 use syncline_canopen::cia402::{Controlword, State, Statusword};
 use syncline_canopen::dictionary::Dictionary;
@@ -101,21 +97,9 @@ pub struct Drive {
 }
 
 impl Drive {
-    pub(super) fn new(
-        objects: Dictionary,
-        config: TwinConfig,
-        clock: Clock,
-        sensor: Encoder,
-    ) -> Self {
+    pub(super) fn new(objects: Dictionary, config: TwinConfig) -> Self {
         let counts = f64::from(config.encoder_increments);
-        let ServoAxis {
-            mechanics,
-            torque_source,
-            gains,
-            ..
-        } = config.servo;
-        let shaft = Shaft::new(mechanics, config.position);
-        let loops = Loops::new(clock, shaft, sensor, counts, gains, torque_source);
+        let loops = Loops::of(&config.processor, config.servo, config.position, counts);
         let encoder = loops.encoder;
         let mut drive = Self {
             settings: Settings::of(&objects),

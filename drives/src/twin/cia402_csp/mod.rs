@@ -39,7 +39,7 @@ use super::device::{Config, Kind, Ripple};
 use super::node::{Delays, Device, Processor};
 use super::servo::axis::ServoAxis;
 use super::servo::cascade::Gains;
-use super::servo::encoder::{Encoder, EncoderErrors};
+use super::servo::encoder::EncoderErrors;
 use super::servo::firmware::ServoFirmware;
 use crate::dictionary::CIA402_CSP;
 use drive::Drive;
@@ -208,10 +208,8 @@ impl Device<Drive> {
             ..Options::default()
         };
         let processor = config.processor.clone();
-        let (clock, random) = (processor.clock(), processor.random(2));
-        let counts = f64::from(config.encoder_increments);
-        let encoder = Encoder::new(counts, config.servo.encoder, processor.random(1));
-        let drive = Drive::new(objects, config, clock, encoder);
+        let random = processor.random(2);
+        let drive = Drive::new(objects, config);
         Self::switched_on(processor, drive, options, random)
     }
 

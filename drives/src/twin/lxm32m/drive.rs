@@ -15,17 +15,14 @@ use super::windows::Windows;
 use super::{Identity, TwinConfig};
 use crate::twin::device::Disturbance;
 use crate::twin::node::Firmware;
-use crate::twin::servo::axis::ServoAxis;
 use crate::twin::servo::cascade::{
     Cascade, Gains, POSITION_STEP, Reference, SPEED_STEP_NS, SPEED_STEPS,
 };
-use crate::twin::servo::clock::Clock;
-use crate::twin::servo::encoder::Encoder;
 use crate::twin::servo::firmware::{Servo, ServoFirmware};
 use crate::twin::servo::lasting::Lasting;
 use crate::twin::servo::loops::Loops;
 use crate::twin::servo::ramp::Ramp;
-use crate::twin::servo::shaft::{Plant, Shaft};
+use crate::twin::servo::shaft::Plant;
 use syncline_canopen::Instant;
 use syncline_canopen::cia402::{Controlword, State, Statusword};
 use syncline_canopen::dictionary::{Dictionary, Row};
@@ -94,35 +91,22 @@ pub struct Drive {
 }
 
 impl Drive {
-    pub(super) fn new(
-        objects: Dictionary,
-        config: TwinConfig,
-        clock: Clock,
-        sensor: Encoder,
-    ) -> Self {
+    pub(super) fn new(objects: Dictionary, config: TwinConfig) -> Self {
         let TwinConfig {
+            processor,
             initial_position,
-            servo:
-                ServoAxis {
-                    mechanics,
-                    torque_source,
-                    gains,
-                    ..
-                },
+            servo,
             switches,
             policies,
             identity,
-            ..
         } = config;
         let revolutions = initial_position as f64 / INCREMENTS_PER_REVOLUTION;
-        let shaft = Shaft::new(mechanics, revolutions);
-        let brake_closing = match shaft.plant() {
+        let own_gains = servo.gains.clone();
+        let mut loops = Loops::of(&processor, servo, revolutions, INCREMENTS_PER_REVOLUTION);
+        let brake_closing = match loops.shaft.plant() {
             Plant::FeedAxis(axis) => Duration::from_secs_f64(axis.train().brake.closing),
             Plant::Rigid(_) => Duration::ZERO,
         };
-        let counts = INCREMENTS_PER_REVOLUTION;
-        let own_gains = gains.clone();
-        let mut loops = Loops::new(clock, shaft, sensor, counts, gains, torque_source);
         let encoder = loops.encoder;
         // The speed is measured from where it has been put, not from a reading.
         loops.cascade = Cascade::new(own_gains.clone(), initial_position);

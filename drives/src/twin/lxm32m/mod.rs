@@ -59,7 +59,7 @@ pub use synchronisation::SyncStatus;
 use super::device::{Config, Kind};
 use super::node::{Delays, Device, Processor};
 use super::servo::axis::ServoAxis;
-use super::servo::encoder::{Encoder, EncoderErrors};
+use super::servo::encoder::EncoderErrors;
 use super::servo::firmware::ServoFirmware;
 use crate::dictionary::LXM32M;
 use drive::Drive;
@@ -200,13 +200,8 @@ impl Device<Drive> {
             ..Options::default()
         };
         let processor = config.processor.clone();
-        let (clock, random) = (processor.clock(), processor.random(2));
-        let encoder = Encoder::new(
-            INCREMENTS_PER_REVOLUTION,
-            config.servo.encoder,
-            processor.random(1),
-        );
-        let drive = Drive::new(objects, config, clock, encoder);
+        let random = processor.random(2);
+        let drive = Drive::new(objects, config);
         Self::switched_on(processor, drive, options, random)
     }
 

@@ -7,8 +7,9 @@ use crate::twin::servo::clock::Clock;
 use syncline_canopen::NodeId;
 use syncline_canopen::time::Duration;
 
-/// The stream of random numbers that picks an oscillator.
+/// The streams of random numbers of a drive that pick its oscillator and make its encoder's errors.
 const OSCILLATOR: u8 = 0;
+const ENCODER: u8 = 1;
 
 /// A device's processor.
 #[derive(Clone, Debug)]
@@ -56,7 +57,7 @@ impl Processor {
         }
     }
 
-    /// Random numbers for one purpose in the device; those of 0 pick the oscillator where there is one.
+    /// Random numbers for one purpose in the device.
     pub(in crate::twin) fn random(&self, purpose: u8) -> Random {
         Random::of_node(self.seed, self.node, purpose)
     }
@@ -64,5 +65,10 @@ impl Processor {
     /// What paces the control loops.
     pub(in crate::twin) fn clock(&self) -> Clock {
         Clock::within(self.oscillator_ppm, self.random(OSCILLATOR))
+    }
+
+    /// What makes the errors of the encoder of a servo drive.
+    pub(in crate::twin) fn encoder_noise(&self) -> Random {
+        self.random(ENCODER)
     }
 }

@@ -1,10 +1,12 @@
 //! The loops of a servo drive put together: clock, cascade, power stage, motor and encoder.
 
+use super::axis::ServoAxis;
 use super::cascade::{Cascade, Gains, Reference, SPEED_STEP_NS};
 use super::clock::Clock;
 use super::encoder::Encoder;
 use super::power_stage::TorqueSource;
 use super::shaft::Shaft;
+use crate::twin::node::Processor;
 
 /// Nominal seconds per step of the speed loop.
 const SPEED_STEP: f64 = SPEED_STEP_NS as f64 * 1e-9;
@@ -40,6 +42,27 @@ pub struct Loops {
 }
 
 impl Loops {
+    /// Those of a drive with that axis, which stands so many revolutions from the encoder's zero.
+    pub(in crate::twin) fn of(
+        processor: &Processor,
+        axis: ServoAxis,
+        position: f64,
+        increments_per_revolution: f64,
+    ) -> Self {
+        Self::new(
+            processor.clock(),
+            Shaft::new(axis.mechanics, position),
+            Encoder::new(
+                increments_per_revolution,
+                axis.encoder,
+                processor.encoder_noise(),
+            ),
+            increments_per_revolution,
+            axis.gains,
+            axis.torque_source,
+        )
+    }
+
     /// Loops at rest.
     #[must_use]
     pub fn new(

@@ -9,15 +9,11 @@ use super::settings::{INCREMENTS_PER_REVOLUTION, RPM, Settings};
 use super::signals::{Captures, Inputs, Switches};
 use crate::twin::device::Disturbance;
 use crate::twin::node::Firmware;
-use crate::twin::servo::axis::ServoAxis;
 use crate::twin::servo::cascade::{POSITION_STEP, Reference};
-use crate::twin::servo::clock::Clock;
-use crate::twin::servo::encoder::Encoder;
 use crate::twin::servo::firmware::{Servo, ServoFirmware};
 use crate::twin::servo::lasting::Lasting;
 use crate::twin::servo::loops::Loops;
 use crate::twin::servo::ramp::Ramp;
-use crate::twin::servo::shaft::Shaft;
 use crate::twin::servo::velocity::VelocityMeter;
 use std::collections::VecDeque;
 use syncline_canopen::cia402::State;
@@ -75,21 +71,9 @@ pub struct Drive {
 }
 
 impl Drive {
-    pub(super) fn new(
-        objects: Dictionary,
-        config: TwinConfig,
-        clock: Clock,
-        sensor: Encoder,
-    ) -> Self {
-        let ServoAxis {
-            mechanics,
-            torque_source,
-            gains,
-            ..
-        } = config.servo;
-        let shaft = Shaft::new(mechanics, config.position);
+    pub(super) fn new(objects: Dictionary, config: TwinConfig) -> Self {
         let counts = INCREMENTS_PER_REVOLUTION;
-        let loops = Loops::new(clock, shaft, sensor, counts, gains, torque_source);
+        let loops = Loops::of(&config.processor, config.servo, config.position, counts);
         let encoder = loops.encoder;
         Self {
             settings: Settings::of(&objects, &config.policies),

@@ -41,11 +41,9 @@ pub use signals::Switches;
 use super::device::{Config, Kind};
 use super::node::{Delays, Device, Processor};
 use super::servo::axis::ServoAxis;
-use super::servo::encoder::Encoder;
 use super::servo::firmware::ServoFirmware;
 use crate::dictionary::TLC5XX;
 use drive::Drive;
-use settings::INCREMENTS_PER_REVOLUTION;
 use syncline_canopen::NodeId;
 use syncline_canopen::cia402::{State, Statusword};
 use syncline_canopen::dictionary::Dictionary;
@@ -158,10 +156,8 @@ impl Device<Drive> {
             ..Options::default()
         };
         let processor = config.processor.clone();
-        let (clock, random) = (processor.clock(), processor.random(2));
-        let counts = INCREMENTS_PER_REVOLUTION;
-        let encoder = Encoder::new(counts, config.servo.encoder, processor.random(1));
-        let drive = Drive::new(objects, config, clock, encoder);
+        let random = processor.random(2);
+        let drive = Drive::new(objects, config);
         Self::switched_on(processor, drive, options, random)
     }
 
