@@ -44,9 +44,22 @@ enum Interruption {
     Fault,
 }
 
-fn interruption() -> impl Strategy<Value = (usize, Interruption)> {
+/// When it is interrupted, in wake-ups.
+#[derive(Clone, Copy, Debug)]
+enum When {
+    /// Behind the last interruption.
+    Later(usize),
+    /// Behind the next homing, of which the program has hardly gone on.
+    Homed(usize),
+}
+
+fn interruption() -> impl Strategy<Value = (When, Interruption)> {
     let kinds = [Interruption::Hold, Interruption::Stop, Interruption::Fault];
-    (20..5000usize, select(kinds.to_vec()))
+    let when = prop_oneof![
+        2 => (20..5000usize).prop_map(When::Later),
+        1 => (0..60usize).prop_map(When::Homed),
+    ];
+    (when, select(kinds.to_vec()))
 }
 
 /// A line from one place to another, and what is done before it.
@@ -68,17 +81,25 @@ impl Cut {
         squares.sum::<f64>().sqrt()
     }
 
-    /// How far along it a place is, if it is on it.
-    fn along(&self, at: [f64; 3]) -> Option<f64> {
+    /// How far along it a place is, if it is on it and is left that way: two cuts with a sharp angle between them lie
+    /// together near it.
+    fn along(&self, at: [f64; 3], velocity: [f64; 3]) -> Option<f64> {
         let length = self.length();
         let way = [0, 1, 2].map(|axis: usize| (self.to[axis] - self.from[axis]) / length);
+        let goes: f64 = way.iter().zip(velocity).map(|(way, goes)| way * goes).sum();
         let rel = [0, 1, 2].map(|axis: usize| at[axis] - self.from[axis]);
         let along: f64 = way.iter().zip(rel).map(|(way, rel)| way * rel).sum();
         let beside: f64 = (way.iter().zip(rel))
             .map(|(way, rel)| (rel - way * along).powi(2))
             .sum();
         let is_on = beside.sqrt() < 0.01 && (-0.01..=length + 0.01).contains(&along);
-        is_on.then_some(along)
+        (is_on && goes > 0.0).then_some(along)
+    }
+
+    /// Whether the tool goes down there to where it begins, at its feed, as what is below may not have been cut.
+    fn is_gone_down_to(&self, at: [f64; 3], velocity: [f64; 3]) -> bool {
+        let [x, y, z] = [0, 1, 2].map(|axis: usize| at[axis] - self.from[axis]);
+        x.hypot(y) < 0.01 && z > -0.01 && velocity[0].hypot(velocity[1]) == 0.0 && velocity[2] < 0.0
     }
 }
 
@@ -167,25 +188,26 @@ impl Watch<'_> {
 
     /// The tool cuts there.
     fn cuts(&mut self, row: &Row<COORDINATES>) {
-        let [x, y, z, ..] = row.plan.position;
+        let [at, velocity] = [row.plan.position, row.plan.velocity].map(|it| [it[0], it[1], it[2]]);
         let Part { cuts, text, .. } = self.part;
-        let at = [x, y, z];
-        let next = self.far > cuts[self.cut].length() - GAP;
-        let found = match cuts[self.cut].along(at) {
-            Some(along) => Some((self.cut, along)),
-            None if next && self.cut + 1 < cuts.len() => {
-                let along = cuts[self.cut + 1].along(at);
-                along.map(|along| (self.cut + 1, along))
-            }
-            None => None,
-        };
+        let whole = self.far > cuts[self.cut].length() - GAP;
+        let here = cuts[self.cut].along(at, velocity);
+        // Two cuts may begin at the same place and lie together there.
+        let is_over = whole && here.is_none_or(|along| along < self.far - GAP);
+        let next = cuts.get(self.cut + 1).filter(|_| is_over);
+        let next = next.and_then(|next| Some((self.cut + 1, next.along(at, velocity)?)));
+        let found = next.or(here.map(|along| (self.cut, along)));
         // A cut that ends where it is resumed begins anew.
         let again = || {
             (0..self.cut)
                 .rev()
-                .find_map(|cut| Some((cut, cuts[cut].along(at)?)))
+                .find_map(|cut| Some((cut, cuts[cut].along(at, velocity)?)))
         };
+        let mut begun = cuts.iter().take(self.cut + 2);
         let Some((cut, along)) = found.or_else(again) else {
+            if begun.any(|cut| cut.is_gone_down_to(at, velocity)) {
+                return;
+            }
             panic!(
                 "{at:?} is no part of what is to be cut now, {}: {text}",
                 self.cut
@@ -227,6 +249,21 @@ impl Watch<'_> {
             since = if rests { since + 1 } else { 0 };
             if since > 6 {
                 return;
+            }
+        }
+    }
+
+    /// Goes on until then, or until the machine rests.
+    fn wait(&mut self, rig: &mut Rig, when: When) {
+        match when {
+            When::Later(most) => self.go_on(rig, most),
+            When::Homed(most) => {
+                let homed = self.homed.len();
+                let works = |rig: &Rig| matches!(state(rig), State::Homing | State::Running);
+                while works(rig) && self.homed.len() == homed {
+                    self.go_on(rig, 1);
+                }
+                self.go_on(rig, most);
             }
         }
     }
@@ -284,8 +321,8 @@ proptest! {
         rig.command(Command::Load(file));
         settle(&mut rig);
         watch.command(&mut rig, Command::Run { from_line: None });
-        for (after, by) in interruptions {
-            watch.go_on(&mut rig, after);
+        for (when, by) in interruptions {
+            watch.wait(&mut rig, when);
             while state(&rig) == State::Held {
                 watch.command(&mut rig, Command::CycleStart);
             }
