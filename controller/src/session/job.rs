@@ -106,11 +106,13 @@ impl Job {
             self.rests_for = Some(line);
         }
         self.last.rotate_right(1);
-        if row.plan.off_path {
+        let tag = self.moves.at(row.plan.tag, row.plan.distance);
+        // What the path rests for may have the plan begin anew, where a homing has left the axes: none of its moves is at work then.
+        let is_elsewhere = row.rests_for.is_some() && tag < self.last[1];
+        if row.plan.off_path || is_elsewhere {
             self.last[0] = self.last[1];
             return false;
         }
-        let tag = self.moves.at(row.plan.tag, row.plan.distance);
         self.last[0] = tag;
         let modal = self.moves.next_modal(tag).filter(|_| !self.over);
         let changes = modal.is_some();

@@ -180,14 +180,14 @@ impl Watch<'_> {
         for row in &rig.rows[self.rows..] {
             let feeds = row.plan.feed.is_finite() && row.plan.feed > 0.0;
             if feeds && row.plan.speed > REST && !row.plan.off_path {
-                self.cuts(row);
+                self.cuts(row, state(rig) == State::Stopping);
             }
         }
         self.rows = rig.rows.len();
     }
 
-    /// The tool cuts there.
-    fn cuts(&mut self, row: &Row<COORDINATES>) {
+    /// The tool cuts there, or comes to rest where it is stopped, with its outputs off.
+    fn cuts(&mut self, row: &Row<COORDINATES>, is_stopping: bool) {
         let [at, velocity] = [row.plan.position, row.plan.velocity].map(|it| [it[0], it[1], it[2]]);
         let Part { cuts, text, .. } = self.part;
         let whole = self.far > cuts[self.cut].length() - GAP;
@@ -197,9 +197,9 @@ impl Watch<'_> {
         let next = cuts.get(self.cut + 1).filter(|_| is_over);
         let next = next.and_then(|next| Some((self.cut + 1, next.along(at, velocity)?)));
         let found = next.or(here.map(|along| (self.cut, along)));
-        // A cut that ends where it is resumed begins anew.
+        // A cut that ends where it is resumed begins anew, and no other.
         let again = || {
-            (0..self.cut)
+            (self.cut.saturating_sub(1)..self.cut)
                 .rev()
                 .find_map(|cut| Some((cut, cuts[cut].along(at, velocity)?)))
         };
@@ -225,7 +225,7 @@ impl Watch<'_> {
             self.far = self.far.max(along);
         }
         let length = cuts[cut].length();
-        if (JOINT..length - JOINT).contains(&along) {
+        if !is_stopping && (JOINT..length - JOINT).contains(&along) {
             let outputs = (1u64 << cuts[cut].outputs) - 1;
             assert_eq!(
                 row.functions.digital, outputs,
@@ -363,5 +363,49 @@ proptest! {
             last = last.max(count);
         }
         prop_assert_eq!(last, part.outputs, "{}", part.text);
+    }
+}
+
+/// A homing that is cut off, wherever it may be, is what is resumed, and behind one that is over nothing before it is.
+#[test]
+fn no_block_before_a_homing_is_resumed_once_that_has_begun() {
+    let text = "G28.2\nG90 G61.1 F12000\nG1 X20 Y10 Z-5\nG1 X40 Y30 Z-8\nG1 X10 Y20 Z-3\nG28.2\nG1 X30 Y5 Z-6\nM2\n";
+    let homed = |rig: &Rig, times: usize| {
+        let homings = rig.events.iter();
+        let homings = homings.filter(|event| matches!(event, Event::ProgramHomed { .. }));
+        homings.count() == times
+    };
+    let run = || {
+        let mut rig = switched_on(&[]);
+        let file = rig.folder.file("part.ngc", text);
+        rig.command(Command::Load(file));
+        settle(&mut rig);
+        rig.command(Command::Run { from_line: None });
+        rig.run_until(|rig| homed(rig, 1) && state(rig) != State::Homing);
+        rig
+    };
+    for after in (0..).step_by(900) {
+        let mut rig = run();
+        rig.run_until(|rig| state(rig) == State::Homing);
+        (0..after).for_each(|_| _ = rig.step());
+        if state(&rig) != State::Homing {
+            break;
+        }
+        let fault = Disturbance::Fault(ErrorClass::StopAndSwitchOff);
+        rig.twin(Y).disturb(fault);
+        rig.run_until(|rig| state(rig) == State::Faulted);
+        assert_eq!(rig.session.status().interrupted, Some(6), "{after}");
+    }
+    for after in [0, 1, 2, 5, 11] {
+        let mut rig = run();
+        rig.run_until(|rig| homed(rig, 2));
+        (0..after).for_each(|_| _ = rig.step());
+        rig.command(Command::Stop);
+        rig.run_until(|rig| state(rig) == State::Ready);
+        let interrupted = rig.session.status().interrupted;
+        assert!(
+            matches!(interrupted, Some(6 | 7)),
+            "{after}: {interrupted:?}"
+        );
     }
 }
