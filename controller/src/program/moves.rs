@@ -269,13 +269,14 @@ impl Upcoming {
     /// Tells what is in effect from the move with this tag on, where that is something else than before.
     pub(super) fn tell_modal(&mut self, tag: u32, interpreter: &gcode::Interpreter) {
         let (modes, coordinates) = (interpreter.modes(), interpreter.coordinates());
-        let mut told = self.modal.iter();
-        if !told.any(|it| it.modes == *modes && it.coordinates == coordinates) {
-            let modes = modes.clone();
-            let modal = ModalState { modes, coordinates };
-            self.tell(Step::Modal(tag, Box::new(modal.clone())));
-            self.modal = Some(modal);
+        let is_told = |it: &ModalState| it.modes == *modes && it.coordinates == coordinates;
+        if self.modal.as_ref().is_some_and(is_told) {
+            return;
         }
+        let modes = modes.clone();
+        let modal = ModalState { modes, coordinates };
+        self.tell(Step::Modal(tag, Box::new(modal.clone())));
+        self.modal = Some(modal);
     }
 
     /// The tag of the first move that is not forgotten, if somebody follows the machine along the moves.

@@ -259,18 +259,21 @@ fn every_printed_value() {
     }
 }
 
+/// Those in which a drive stays.
+const STATES: [State; 6] = [
+    State::SwitchOnDisabled,
+    State::ReadyToSwitchOn,
+    State::SwitchedOn,
+    State::OperationEnabled,
+    State::QuickStopActive,
+    State::Fault,
+];
+
 /// Each of both words that bits 4 to 6 and 8 make of a command, in each state.
 #[test]
 fn every_command_in_every_state() {
     let mut led = std::collections::BTreeSet::new();
-    for from in [
-        State::SwitchOnDisabled,
-        State::ReadyToSwitchOn,
-        State::SwitchedOn,
-        State::OperationEnabled,
-        State::QuickStopActive,
-        State::Fault,
-    ] {
+    for from in STATES {
         for bits in 0..32_u16 {
             for others in [0, 0x170] {
                 let mut bench = of(config(1));
@@ -302,14 +305,7 @@ fn every_state_by_its_printed_bits() {
     };
     let fresh = Twin::new(config(1));
     see(fresh.state(), fresh.statusword().0);
-    for state in [
-        State::SwitchOnDisabled,
-        State::ReadyToSwitchOn,
-        State::SwitchedOn,
-        State::OperationEnabled,
-        State::QuickStopActive,
-        State::Fault,
-    ] {
+    for state in STATES {
         let mut bench = of(config(1));
         bring(&mut bench, state);
         see(state, bench.read_u16(1, 0x6041, 0));
