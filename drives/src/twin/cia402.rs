@@ -1,6 +1,6 @@
-//! The state machine of a drive as CiA 402 has it: what a command leads to.
+//! What CiA 402 says of every drive: what a command leads to in its state machine, and how 60C2h counts.
 //!
-//! Only the commanded transitions are here. What a drive does by itself (T0, T1, T12 to T14), how
+//! Of the transitions only those that are commanded are here. What a drive does by itself (T0, T1, T12 to T14), how
 //! long it takes to switch its power stage on, and how it brakes is its own.
 
 use syncline_canopen::cia402::{Command, State};
@@ -20,6 +20,12 @@ pub fn commanded(state: State, command: Command) -> Option<State> {
         (EnableOperation, ReadyToSwitchOn | SwitchedOn | QuickStopActive) => OperationEnabled,
         _ => return None,
     })
+}
+
+/// The period of 60C2h in seconds: its value (:1) times 10 to the power of its index (:2), −6…0.
+#[must_use]
+pub fn interpolation_period(value: i64, index: i64) -> f64 {
+    value as f64 * (1.0 / 10u32.pow(-index.clamp(-6, 0) as u32) as f64)
 }
 
 #[cfg(test)]

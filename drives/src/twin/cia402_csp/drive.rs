@@ -14,10 +14,10 @@ use crate::twin::servo::firmware::{Servo, ServoFirmware};
 use crate::twin::servo::lasting::Lasting;
 use crate::twin::servo::loops::Loops;
 use crate::twin::servo::ramp::{Limits, Ramp};
+use crate::twin::servo::segment::{Segment, seconds};
 use core::f64::consts::TAU;
 use syncline_canopen::cia402::{Controlword, State, Statusword};
 use syncline_canopen::dictionary::Dictionary;
-use syncline_canopen::time::Duration;
 use syncline_canopen::{Address, Instant};
 
 /// What the position reference does.
@@ -27,48 +27,12 @@ pub(super) enum Motion {
     Hold,
     /// It brakes with this deceleration, increments/s².
     Stop(f64),
-    /// It runs to the setpoint that the last SYNC brought.
+    /// It runs to the setpoint that the last SYNC brought, within the period of 60C2h, or within that of SYNC.
     Follow(Segment),
     /// Its velocity goes to the one that the last SYNC brought, and stays there.
     Turn(Segment),
     /// Its velocity goes to 60FFh or 6042h with the profile's ramps.
     Profile,
-}
-
-/// From where the reference was at a SYNC, or from its velocity then, to the setpoint, in a straight line within the period
-/// of 60C2h, or within that of SYNC; there it rests.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Segment {
-    from: f64,
-    to: f64,
-    since: Instant,
-    /// Seconds.
-    period: f64,
-    /// Of positions: mean change of velocity since the setpoint before, increments/s².
-    acceleration: f64,
-}
-
-impl Segment {
-    fn at(&self, now: Instant) -> Ramp {
-        let elapsed = seconds(now.saturating_since(self.since));
-        if elapsed >= self.period {
-            return Ramp::at(self.to);
-        }
-        let velocity = self.velocity();
-        Ramp {
-            position: self.from + velocity * elapsed,
-            velocity,
-        }
-    }
-
-    /// On the way, increments/s.
-    fn velocity(&self) -> f64 {
-        (self.to - self.from) / self.period
-    }
-}
-
-fn seconds(time: Duration) -> f64 {
-    time.as_nanos() as f64 * 1e-9
 }
 
 /// A drive without its bus.
@@ -257,30 +221,16 @@ impl Drive {
                     Motion::Turn(segment) => segment.at(now).position,
                     _ => self.reference.velocity,
                 };
-                self.motion = Motion::Turn(Segment {
-                    from,
-                    to,
-                    since: now,
-                    period,
-                    acceleration: 0.0,
-                });
+                self.motion = Motion::Turn(Segment::new(from, to, now, period));
                 return;
             }
             _ => {}
         }
-        let (from, velocity) = match self.motion {
-            Motion::Follow(segment) => (segment.at(now).position, segment.velocity()),
-            _ => (self.reference.position, 0.0),
-        };
-        let mut segment = Segment {
-            from,
-            to: self.settings.target,
-            since: now,
-            period,
-            acceleration: 0.0,
-        };
-        segment.acceleration = (segment.velocity() - velocity) / segment.period;
-        self.motion = Motion::Follow(segment);
+        let to = self.settings.target;
+        self.motion = Motion::Follow(match self.motion {
+            Motion::Follow(segment) => segment.next(to, now, period),
+            _ => Segment::new(self.reference.position, to, now, period),
+        });
     }
 
     // ---- monitoring ----
@@ -312,12 +262,11 @@ impl Drive {
         };
     }
 
-    /// Whether more SYNCs are overdue than may be missing: each by half a period.
+    /// Whether more SYNCs are missing than may be.
     fn misses_sync(&self) -> bool {
         match (self.motion, self.policies.missing_syncs) {
             (Motion::Follow(segment) | Motion::Turn(segment), Some(most)) => {
-                let periods = f64::from(most) + 1.5;
-                seconds(self.servo.now.saturating_since(segment.since)) > segment.period * periods
+                segment.misses_more_than(most, self.servo.now)
             }
             _ => false,
         }
@@ -438,7 +387,7 @@ impl ServoFirmware for Drive {
             acceleration: match self.motion {
                 Motion::Hold | Motion::Turn(_) | Motion::Profile => 0.0,
                 Motion::Stop(deceleration) => -deceleration * self.reference.velocity.signum(),
-                Motion::Follow(segment) => segment.acceleration,
+                Motion::Follow(segment) => segment.acceleration(),
             },
         }
     }

@@ -2,6 +2,7 @@
 
 use super::{INTERPOLATED_POSITION, VELOCITY};
 use crate::dictionary::CIA402_CSP;
+use crate::twin::cia402::interpolation_period;
 use syncline_canopen::Address;
 use syncline_canopen::dictionary::{Dictionary, Preset};
 use syncline_canopen::time::Duration;
@@ -95,7 +96,7 @@ impl Settings {
                 .map(|_| value(0x604C, 1) as f64 / value(0x604C, 2) as f64)
                 .filter(|it| it.is_finite()),
             period: (objects.row(0x60C2, 1))
-                .map(|_| value(0x60C2, 1) as f64 * power_of_ten(value(0x60C2, 2))),
+                .map(|_| interpolation_period(value(0x60C2, 1), value(0x60C2, 2))),
             following_error: window(0x6065),
             following_error_time: millis(0x6066),
             window: window(0x6067),
@@ -123,9 +124,4 @@ fn usual(address: Address) -> i64 {
         },
         None => 0,
     }
-}
-
-/// 10 to a power of −6…0.
-fn power_of_ten(exponent: i64) -> f64 {
-    1.0 / 10u32.pow(-exponent.clamp(-6, 0) as u32) as f64
 }

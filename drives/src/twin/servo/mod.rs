@@ -6,7 +6,7 @@
 //! - [`clock`]: what paces them: the drive's own oscillator, free or locked to SYNC
 //! - [`encoder`], [`shaft`]: what the loops read, and what they move; [`velocity`]: what is measured of it
 //! - [`motor`]: generic sets of figures
-//! - [`ramp`]: the drive's own profile generator
+//! - [`ramp`]: the drive's own profile generator; [`segment`]: from setpoint to setpoint
 //! - [`errors`]: what is wrong, and how it is told
 //! - [`firmware`]: what stands between them and the node, with the state machine of CiA 402;
 //!   [`lasting`]: the time that something has to be so
@@ -27,6 +27,7 @@ pub mod loops;
 pub mod motor;
 pub mod power_stage;
 pub mod ramp;
+pub mod segment;
 pub mod shaft;
 pub mod stability;
 pub mod velocity;
