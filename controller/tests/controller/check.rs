@@ -43,7 +43,7 @@ fn every_example_is_good() {
             .map(|entry| entry.unwrap().path())
             .filter(|path| path.extension().is_some_and(|extension| extension == "ngc"))
             .collect();
-        assert!(!programs.is_empty());
+        assert!(!programs.is_empty(), "no program (.ngc) beside {file}");
         for program in programs {
             let output = check(&[file, program.to_str().unwrap()]);
             let (good, bad) = (text(&output.stdout), text(&output.stderr));

@@ -55,7 +55,9 @@ pub trait Drive: Feedback {
         None
     }
 
-    /// Whether it has still to acknowledge the target that it was sent last, or that it is ready for the next one.
+    /// Whether it has still to acknowledge the target that it was sent last, or that it is ready for the next one; of a
+    /// drive whose axis goes [point to point](super::Settings::point_to_point). One that acknowledges the setpoints of every
+    /// cycle and did not take them says so by [`DriveStatus::mode_runs`].
     fn owes_acknowledgement(&self) -> bool {
         false
     }
@@ -265,7 +267,7 @@ impl fmt::Display for PowerState {
 pub struct DriveStatus {
     /// Its power stage.
     pub power: PowerState,
-    /// Its operating mode runs: it follows the setpoints.
+    /// Its operating mode runs: it follows the setpoints, and takes them where it says so.
     pub mode_runs: bool,
     /// It takes commands from the bus, and from nobody else.
     pub remote: bool,
@@ -288,7 +290,7 @@ pub struct StatusWord {
     pub name: &'static str,
     /// Its bits.
     pub value: Data,
-    /// The state that it tells.
+    /// The state that it tells, or what else a person has to know to see why the drive does not follow.
     pub meaning: &'static str,
 }
 
