@@ -1,4 +1,5 @@
-//! Inside the controller a module uses only what stands below it, by the table of `docs/design.md`.
+//! Inside the controller a module uses only what stands below it, by the table of `docs/design.md`; among the drives twins and
+//! models know nothing of each other.
 
 use super::outside::{root, sources};
 use std::collections::{BTreeMap, BTreeSet};
@@ -25,20 +26,68 @@ fn table() -> Vec<(String, BTreeSet<String>)> {
     .collect()
 }
 
-/// The modules that a file names behind `crate::`, but for comments and what only tests use.
-fn used(text: &str) -> BTreeSet<String> {
+/// The modules of the crate that a file so many modules below its root names behind `crate::` or as many `super::`, but for
+/// comments and what only tests use.
+fn used(text: &str, depth: usize) -> BTreeSet<String> {
     let code = text.split("#[cfg(test)]").next().unwrap_or(text);
     let lines = code
         .lines()
         .filter(|line| !line.trim_start().starts_with("//"));
-    lines
-        .flat_map(|line| line.split("crate::").skip(1))
-        .map(|rest| {
-            let end = rest.find(|c: char| !c.is_ascii_lowercase() && c != '_');
-            rest[..end.unwrap_or(rest.len())].to_owned()
-        })
-        .filter(|name| !name.is_empty())
+    let code: String = lines.flat_map(|line| [line, "\n"]).collect();
+    let up = "super::".repeat(depth);
+    ["crate::", &up]
+        .iter()
+        .flat_map(|root| code.split(root).skip(1).flat_map(named))
+        .filter(|name| !name.is_empty() && name != "super")
         .collect()
+}
+
+/// The names that a path goes on with: one, or those of a list in braces.
+fn named(rest: &str) -> Vec<String> {
+    let name = |text: &str| -> String {
+        let letters = text.trim_start().chars();
+        letters
+            .take_while(|c| c.is_ascii_lowercase() || *c == '_')
+            .collect()
+    };
+    let Some(list) = rest.strip_prefix('{') else {
+        return vec![name(rest)];
+    };
+    let mut names = vec![name(list)];
+    let mut level = 0;
+    for (at, c) in list.char_indices() {
+        match c {
+            '{' => level += 1,
+            '}' if level == 0 => break,
+            '}' => level -= 1,
+            ',' if level == 0 => names.push(name(&list[at + 1..])),
+            _ => {}
+        }
+    }
+    names
+}
+
+#[test]
+fn modules_are_found_however_they_are_named() {
+    let text = "\
+//! Not crate::comment.
+use crate::{alpha::{Inner, deep}, beta};
+use super::super::{
+    gamma::Gamma,
+    delta,
+};
+use super::sister::Sister;
+pub(in crate::alpha) fn f(it: super::super::epsilon::Epsilon) {}
+#[cfg(test)]
+use crate::tests_alone;
+";
+    let expected = ["alpha", "beta", "delta", "epsilon", "gamma"];
+    assert_eq!(used(text, 2), expected.map(str::to_owned).into());
+}
+
+/// How many modules below its crate's root the module of a file is.
+fn depth(inside: &Path) -> usize {
+    inside.components().count() - usize::from(inside.ends_with("mod.rs"))
 }
 
 #[test]
@@ -71,7 +120,7 @@ fn arrows_go_down_only() {
             panic!("the table has no `{module}`");
         };
         seen.insert(module.to_owned());
-        let used = used(&fs::read_to_string(&file).unwrap());
+        let used = used(&fs::read_to_string(&file).unwrap(), depth(inside));
         for name in used.iter().filter(|name| *name != module) {
             if !allowed.contains(name) {
                 wrong.push(format!("{}: `{name}`", inside.display()));
@@ -81,4 +130,32 @@ fn arrows_go_down_only() {
     assert!(wrong.is_empty(), "not by the table:\n{}", wrong.join("\n"));
     let listed: BTreeSet<_> = table.into_keys().collect();
     assert_eq!(seen, listed, "modules that there are, and the table's");
+}
+
+/// What the drives' crate promises: a twin and what carries it never see the model that they are held against, nor does the
+/// model see them.
+#[test]
+fn twins_and_models_know_nothing_of_each_other() {
+    let src = root().join("drives/src");
+    let mut files = Vec::new();
+    sources(&src, &mut files);
+    let mut seen = BTreeSet::new();
+    for file in files {
+        let inside = file.strip_prefix(&src).unwrap();
+        let top = inside.components().next().unwrap().as_os_str();
+        let module = Path::new(top).file_stem().unwrap().to_str().unwrap();
+        let used = used(&fs::read_to_string(&file).unwrap(), depth(inside));
+        match module {
+            "lib" => continue,
+            "model" => {
+                let known = ["dictionary", "model"].map(str::to_owned);
+                let other: Vec<_> = used.difference(&known.into()).cloned().collect();
+                assert!(other.is_empty(), "{}: {other:?}", inside.display());
+            }
+            _ => assert!(!used.contains("model"), "{}: `model`", inside.display()),
+        }
+        seen.insert(module.to_owned());
+    }
+    let expected = ["bus", "dictionary", "mechanics", "model", "twin", "world"];
+    assert_eq!(seen, expected.map(str::to_owned).into());
 }
