@@ -1,7 +1,7 @@
 //! Moves of axes that go point to point: their drives take no setpoints along a path, but a target, to which they go
 //! by profiles of their own while the path rests.
 //!
-//! *Straight.* Several axes in one move share a time law, s from 0 to 1 with trapezoidal velocity: axis i is at
+//! *Straight.* Several axes in one move share a trapezoidal profile, s from 0 to 1: axis i is at
 //! p + d s, where d is how far it goes. Its drive is told the velocity V d and the ramps A d, with V the least of
 //! v/d over the axes and A the least of a/d, so that no axis exceeds its limits, and all get there at once.
 //! The profiles are told by SDO while the axes rest; the targets then go out in one burst, so that what latches at
@@ -44,14 +44,14 @@ pub(super) enum Progress {
 
 /// How all axes of a move get from 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct TimeLaw {
+struct CommonProfile {
     /// 1/s
     velocity: f64,
     /// 1/s²
     acceleration: f64,
 }
 
-impl TimeLaw {
+impl CommonProfile {
     /// From the greatest velocity to rest, s.
     fn braking(self) -> f64 {
         (self.velocity / self.acceleration).min(1.0 / self.acceleration.sqrt())
@@ -79,8 +79,8 @@ impl<const N: usize> Controller<N> {
     /// A target is beyond what its drive counts; an axis is not there in time.
     pub(super) fn step_point_to_point(&mut self, motion: &PointToPoint) -> Result<(), Fault> {
         match self.positioning {
-            None => match self.time_law(motion) {
-                Some(law) if law.velocity > 0.0 => self.tell_profiles(motion, law),
+            None => match self.common_profile(motion) {
+                Some(profile) if profile.velocity > 0.0 => self.tell_profiles(motion, profile),
                 Some(_) => {}
                 None => self.pass_block(),
             },
@@ -111,8 +111,8 @@ impl<const N: usize> Controller<N> {
     }
 
     /// How the axes of a move get there together at the overrides of now; `None` if all are there.
-    fn time_law(&self, motion: &PointToPoint) -> Option<TimeLaw> {
-        let (mut law, mut square) = (None::<TimeLaw>, 0.0);
+    fn common_profile(&self, motion: &PointToPoint) -> Option<CommonProfile> {
+        let (mut profile, mut square) = (None::<CommonProfile>, 0.0);
         for axis in &self.axes {
             let Some(target) = motion.targets[axis.coordinate()] else {
                 continue;
@@ -125,39 +125,39 @@ impl<const N: usize> Controller<N> {
             let limits = axis.limits();
             let [velocity, acceleration] =
                 [limits.velocity, limits.acceleration].map(|limit| limit / distance);
-            law = Some(law.map_or(
-                TimeLaw {
+            profile = Some(profile.map_or(
+                CommonProfile {
                     velocity,
                     acceleration,
                 },
-                |law| TimeLaw {
-                    velocity: law.velocity.min(velocity),
-                    acceleration: law.acceleration.min(acceleration),
+                |profile| CommonProfile {
+                    velocity: profile.velocity.min(velocity),
+                    acceleration: profile.acceleration.min(acceleration),
                 },
             ));
         }
         let overrides = self.executor.overrides();
-        law.map(|law| TimeLaw {
+        profile.map(|profile| CommonProfile {
             velocity: match motion.speed {
-                Some(speed) => law.velocity.min(overrides.feed * speed / square.sqrt()),
-                None => law.velocity * overrides.rapid,
+                Some(speed) => profile.velocity.min(overrides.feed * speed / square.sqrt()),
+                None => profile.velocity * overrides.rapid,
             },
-            ..law
+            ..profile
         })
     }
 
-    fn tell_profiles(&mut self, motion: &PointToPoint, law: TimeLaw) {
+    fn tell_profiles(&mut self, motion: &PointToPoint, profile: CommonProfile) {
         for axis in &self.axes {
             if let Some(target) = motion.targets[axis.coordinate()] {
                 let distance = distance(axis, target);
                 let node = &mut self.nodes[axis.drive()];
-                node.ask_profile(law.velocity * distance, law.acceleration * distance);
+                node.ask_profile(profile.velocity * distance, profile.acceleration * distance);
             }
         }
         let twice = |seconds: f64| Duration::from_secs_f64(2.0 * seconds);
         self.positioning = Some(Progress::Telling {
-            most: self.cycles(twice(law.duration()) + self.layout.state_timeout),
-            halts_in: self.cycles(twice(law.braking())),
+            most: self.cycles(twice(profile.duration()) + self.layout.state_timeout),
+            halts_in: self.cycles(twice(profile.braking())),
         });
     }
 

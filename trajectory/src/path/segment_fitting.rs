@@ -39,6 +39,9 @@ const MOST: usize = 96;
 const FEWEST: usize = 6;
 /// Degree of the polynomials.
 const DEGREE: usize = 5;
+/// What has to be left of a column of the normal equations, as a part of it, when what the ones before explain is taken off:
+/// less is rounding, and the points do not determine the polynomial.
+const INDEPENDENT: f64 = 1e-13;
 
 /// Moves that are gathered.
 #[derive(Debug, Clone)]
@@ -434,7 +437,7 @@ fn solve<const N: usize>(
             let left = normal[n][m] - done;
             if m < n {
                 normal[n][m] = left / normal[m][m];
-            } else if left > 1e-13 * normal[n][n] {
+            } else if left > INDEPENDENT * normal[n][n] {
                 normal[n][n] = left.sqrt();
             } else {
                 return None;

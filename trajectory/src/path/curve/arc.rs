@@ -45,6 +45,10 @@ pub struct ArcDefinition<const N: usize> {
     pub turns: u32,
 }
 
+/// The radius of a spiral is taken to go with the path length, as it nearly does: by this part of its change it may be elsewhere,
+/// which is little, as the whole change is within [`RADIUS_TOLERANCE_RELATIVE`](super::RADIUS_TOLERANCE_RELATIVE).
+const SPIRAL_SLACK: f64 = 1e-3;
+
 impl<const N: usize> Arc<N> {
     /// The arc as a program states it.
     ///
@@ -199,8 +203,7 @@ impl<const N: usize> Arc<N> {
     /// See [`Curve::growth`]; the parameter is the angle.
     pub(super) fn growth(&self, from: f64, to: f64) -> Growth<N> {
         let radius = |s: f64| self.radius + self.spiral * self.sweep.abs() * (s / self.length);
-        // The radius of a spiral goes nearly with the path; its change is within the tolerance.
-        let slack = 1e-3 * (self.spiral * self.sweep).abs();
+        let slack = SPIRAL_SLACK * (self.spiral * self.sweep).abs();
         let (r0, r1) = (radius(from), radius(to));
         let (least, most) = (r0.min(r1) - slack, r0.max(r1) + slack);
         let k = self.spiral.abs();

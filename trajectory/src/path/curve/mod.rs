@@ -41,6 +41,10 @@ const CONVERGED: f64 = 1e-9;
 /// The same as a part of a polynomial's part.
 const CLOSE: f64 = 1e-5;
 
+/// A place that is by so much of a part, or less, before its end counts as at the end, so that rounding of lengths and parameters
+/// makes no part that has nothing left.
+const AT_ITS_END: f64 = 1e-6;
+
 /// Position and its derivatives by path length.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Derivatives<const N: usize> {
@@ -257,7 +261,7 @@ impl<const N: usize> Curve<N> {
             Curve::Arc(arc) => s / (arc.length / parts),
             Curve::Poly(poly) => poly.parameter(s) * parts,
         };
-        (passed + 1e-6).floor() + 1.0
+        (passed + AT_ITS_END).floor() + 1.0
     }
 
     /// The path length at which the last of the first `k` of so many [`parts`](Self::parts) ends.

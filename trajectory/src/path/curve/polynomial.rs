@@ -19,6 +19,14 @@ pub struct Poly<const N: usize> {
 /// Parts of a polynomial's parameter whose lengths are known.
 pub(super) const PARTS: usize = 8;
 
+/// Slowest rate of the path length by the parameter, as a part of the faster one at its ends: a curve that is slower in the middle
+/// nearly stands still there or turns back, and knots are placed for a dip that is no deeper.
+const LEAST_RATE: f64 = 1e-3;
+
+/// What rounding may bring a parameter outside of a range, as a part of the range, and beside.
+const ROUNDING: f64 = 1e-9;
+const ROUNDING_NEAR_ZERO: f64 = 1e-12;
+
 impl<const N: usize> Poly<N> {
     /// The curve that leaves `from` and reaches `to` with their tangents and curvatures. The
     /// parameter runs at `rate` at both ends and slows by `brake` per parameter towards the
@@ -60,7 +68,7 @@ impl<const N: usize> Poly<N> {
         // The rate is the root of a polynomial with a zero about so far from the middle in the
         // complex plane; parts shorter than their distance from it are integrated to rounding.
         let most = poly.rate(0.0).max(poly.rate(1.0));
-        let dip = 0.5 * (poly.rate(0.5) / most).clamp(1e-3, 1.0);
+        let dip = 0.5 * (poly.rate(0.5) / most).clamp(LEAST_RATE, 1.0);
         let scale = libm::asinh(0.5 / dip);
         let middle = PARTS / 2;
         for k in 0..=middle {
@@ -75,7 +83,7 @@ impl<const N: usize> Poly<N> {
         for k in 0..PARTS {
             let [from, to] = [poly.knots[k], poly.knots[k + 1]];
             let least = poly.rate(from).min(poly.rate(0.5 * (from + to)));
-            if least.is_nan() || least < 1e-3 * most {
+            if least.is_nan() || least < LEAST_RATE * most {
                 return None;
             }
             poly.lengths[k + 1] = poly.lengths[k] + poly.length_between(from, to);
@@ -276,7 +284,10 @@ impl<const N: usize> Poly<N> {
 
     /// See [`Curve::growth`]; between two parameters.
     pub(super) fn growth(&self, u0: f64, u1: f64) -> Growth<N> {
-        let (middle, half) = (0.5 * (u0 + u1), 0.5 * (u1 - u0) * (1.0 + 1e-9) + 1e-12);
+        let (middle, half) = (
+            0.5 * (u0 + u1),
+            0.5 * (u1 - u0) * (1.0 + ROUNDING) + ROUNDING_NEAR_ZERO,
+        );
         // Taylor's coefficients of the derivative by the parameter, about the middle.
         let mut taylor: [[f64; N]; 5] =
             std::array::from_fn(|k| self.terms[k].map(|c| (k + 1) as f64 * c));

@@ -97,8 +97,8 @@ impl<const N: usize> Step<N> {
         let Step::JerkSegment(p) = self else {
             return false;
         };
-        let cruises = p.acceleration.abs() <= 1e-9 && p.jerk >= 0.0;
-        !cruises && p.at(p.duration).2 <= 1e-9
+        let cruises = p.acceleration.abs() <= NOTHING && p.jerk >= 0.0;
+        !cruises && p.at(p.duration).2 <= NOTHING
     }
 
     fn duration(&self) -> f64 {
@@ -119,6 +119,9 @@ struct Clock {
     cycle: u64,
     offset: f64,
 }
+
+/// An acceleration, mm/s², a speed, mm/s, or a way, mm, that is this small is what rounding leaves of none.
+const NOTHING: f64 = 1e-9;
 
 /// What an operator does shows after this long, s: at most a cycle passes until it is heard, and what is
 /// left is for the planner.
@@ -646,7 +649,7 @@ impl<const N: usize> Executor<N> {
         self.pass_waypoints();
         if let Some(path_segment) = self.path_segments.front() {
             let whole = path_segment.start + path_segment.curve.length();
-            let complete = end >= whole - 1e-9;
+            let complete = end >= whole - NOTHING;
             self.place.position = if complete {
                 path_segment.curve.end()
             } else {

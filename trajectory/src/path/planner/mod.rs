@@ -156,8 +156,8 @@ struct Cursor {
     item: u64,
     /// Where the next window begins.
     departure: PathState,
-    /// The step that it replaces, if one; steps are counted as the executor counts them.
-    splice: Option<u64>,
+    /// The step from which on it replaces the tail of the plan, if it does; steps are counted as the executor counts them.
+    tail_from: Option<u64>,
     /// The next step's number.
     step: u64,
     /// The section was announced.
@@ -188,7 +188,7 @@ impl Cursor {
             distance: self.rest,
             ..PathState::default()
         };
-        self.splice = None;
+        self.tail_from = None;
     }
 }
 

@@ -62,8 +62,8 @@ struct Task<'a, const N: usize> {
     halvings: u32,
     /// How it answers a request, and the old plan from there.
     answer: Option<(Attempt, &'a [PlannedSegment])>,
-    /// The step that it replaces.
-    splice: Option<u64>,
+    /// The step from which on it replaces the tail of the plan.
+    tail_from: Option<u64>,
 }
 
 /// How a window may be found.
@@ -235,7 +235,7 @@ impl<const N: usize> Task<'_, N> {
 
     fn plan_later(&mut self, window: &mut Window<N>) -> bool {
         for _ in 1..ATTEMPTS {
-            let Some(step) = &mut self.splice else {
+            let Some(step) = &mut self.tail_from else {
                 return false;
             };
             let Some((segments, later)) = window.later(self.from) else {
@@ -312,7 +312,7 @@ impl<const N: usize> Planner<N> {
             horizon: self.horizon,
             halvings: self.cursor.halvings,
             answer,
-            splice: self.cursor.splice,
+            tail_from: self.cursor.tail_from,
         };
         let Some(strategies) = task.choose(section, blocks, &mut self.window) else {
             return false;
@@ -330,7 +330,7 @@ impl<const N: usize> Planner<N> {
             window.grant(0);
         }
         let planned = (strategies.iter()).any(|strategy| strategy.solve(&mut task, window));
-        self.cursor.splice = task.splice;
+        self.cursor.tail_from = task.tail_from;
         if !planned {
             if answer.is_some() {
                 return false;
@@ -438,7 +438,7 @@ impl Found {
             cursor.begun = true;
             cursor.step += 1;
         }
-        if let Some(step) = cursor.splice {
+        if let Some(step) = cursor.tail_from {
             out.push_back(Command::ReplaceTail(step));
             cursor.step = step;
         }
@@ -499,7 +499,7 @@ impl Found {
             }
         }
         cursor.departure = PathState::from(segments[keep].segment);
-        cursor.splice = Some(first + keep as u64);
+        cursor.tail_from = Some(first + keep as u64);
         cursor.halvings = self.halvings.saturating_sub(1);
     }
 }

@@ -23,7 +23,7 @@ mod grid;
 use std::iter::repeat;
 use std::ops::Add;
 
-use grid::Stretch;
+use grid::{SHORTEST, Stretch};
 
 use super::bounds::{Bounds, rest_to_rest};
 use super::brake::instant_at;
@@ -268,7 +268,7 @@ impl<const N: usize> Window<N> {
     /// A motion from rest at `from` to rest at the end of the path segment there that needs no search.
     pub fn crawl(&mut self, path_segments: &[PathSegment<N>], from: f64, limits: &Limits<N>) {
         self.stay();
-        let ahead = |s: &&PathSegment<N>| s.start + s.curve.length() > from + 1e-9;
+        let ahead = |s: &&PathSegment<N>| s.start + s.curve.length() > from + SHORTEST;
         if let Some(path_segment) = path_segments.iter().find(ahead) {
             let length = path_segment.start + path_segment.curve.length() - from;
             self.segments.extend(rest_to_rest(
