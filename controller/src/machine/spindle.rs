@@ -6,8 +6,8 @@ use super::{InputMeaning, Machine, Simulation, simulation};
 use std::ops::Range;
 use std::time::Duration;
 use syncline_canopen::NodeId;
-use syncline_drives::model::{Assumed, Model, Scaling, Setpoint, Settings, Write};
-use syncline_strict_toml::{Log, Table};
+use syncline_drives::model::{Assumed, MODELS, Model, Scaling, Setpoint, Settings, Write};
+use syncline_strict_toml::{Log, Table, one_of};
 use syncline_trajectory::synchronous::RAMP_PART;
 use toml::Spanned;
 
@@ -299,13 +299,17 @@ impl Spindle {
         };
         let SpindleDrive { name, model, .. } = drive;
         if !model.turns_spindles() {
+            let turning = MODELS.iter().filter(|model| model.turns_spindles());
             log.report(
                 named,
                 format!(
                     "spindle: drive \"{name}\" ({}) cannot turn at a velocity that it is sent",
                     model.title
                 ),
-                "allowed: a drive in Profile Velocity or in velocity mode, such as `model = \"cia402_pv\"` or `model = \"cia402_vl\"`",
+                format!(
+                    "allowed: a drive in Profile Velocity or in velocity mode: `model` {}, or one that a file describes by these",
+                    one_of(turning.map(|model| model.name))
+                ),
             );
             return;
         }

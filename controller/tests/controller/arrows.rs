@@ -5,6 +5,7 @@ use super::outside::{root, sources};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
+use syncline_drives::model::MODELS;
 
 /// What each module may use, in the order of the table.
 fn table() -> Vec<(String, BTreeSet<String>)> {
@@ -158,4 +159,32 @@ fn twins_and_models_know_nothing_of_each_other() {
     }
     let expected = ["bus", "dictionary", "mechanics", "model", "twin", "world"];
     assert_eq!(seen, expected.map(str::to_owned).into());
+}
+
+/// What is known of a device stands in its own files: the rest finds it by the name in a machine file. The campaign writes such files.
+#[test]
+fn nothing_names_a_model() {
+    let mut files = Vec::new();
+    for folder in ["controller/src", "benches", "tests/src"] {
+        sources(&root().join(folder), &mut files);
+    }
+    let mut wrong = Vec::new();
+    for file in files {
+        let inside = file.strip_prefix(root()).unwrap();
+        if inside.starts_with("controller/src/campaign") || inside.ends_with("tests.rs") {
+            continue;
+        }
+        let text = fs::read_to_string(&file).unwrap();
+        let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+        let lines = code
+            .lines()
+            .filter(|line| !line.trim_start().starts_with("//"));
+        for line in lines {
+            let named = MODELS
+                .iter()
+                .find(|model| line.contains(&format!("\"{}", model.name)));
+            wrong.extend(named.map(|model| format!("{}: {}", inside.display(), model.name)));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }

@@ -1850,7 +1850,7 @@ fn a_drive_turns_the_spindle_or_moves_an_axis() {
         (
             "model = \"cia402_pv\"",
             "model = \"lxm32m\"",
-            "cannot turn at a velocity",
+            "`model` \"cia402_pv\" or \"cia402_vl\"",
         ),
         ("ramp_ms = 300 ", "ramp_ms = 0 ", "`ramp_ms` is 0"),
         ("ramp_ms = 300 ", "# ", "`ramp_ms` is 0"),
