@@ -8,7 +8,9 @@ use copp::solver::topp2_ra::{ReachSet2OptionsBuilder, Topp2ProblemBuilder, topp2
 use copp::solver::topp3_lp::{ClarabelOptionsBuilder, Topp3ProblemBuilder, s_to_t_topp3, topp3_lp};
 use syncline_benches::contours::{Contour, Plan, excess, six_axes, three_axes};
 use syncline_controller::realtime::thread_time;
-use syncline_trajectory::path::time_parametrisation::{Cell, Node, Slope, TimeParametrisation};
+use syncline_trajectory::path::time_parametrisation::{
+    Cell, NodeState, Slope, TimeParametrisation,
+};
 use syncline_trajectory::path::{Derivatives, Limits, PathControlMode, PathSegment};
 
 /// A section's geometry, by path length.
@@ -136,16 +138,16 @@ fn grid<const N: usize>(plan: &Plan<N>, points: usize) -> Vec<f64> {
     grid
 }
 
-/// The reference's law over a grid: ṡ² and s̈ at its points.
+/// The reference's parametrisation over a grid: ṡ² and s̈ at its points.
 struct Reference {
     s: Vec<f64>,
     a: Vec<f64>,
     b: Vec<f64>,
     time: f64,
     passes: usize,
-    /// Time of its second-order law.
+    /// Time of its second-order parametrisation.
     second_order: f64,
-    /// Wall time from the grid to the law, s.
+    /// Wall time from the grid to the parametrisation, s.
     took: f64,
 }
 
@@ -256,8 +258,8 @@ impl Reference {
     }
 }
 
-/// Our law over the reference's grid: its time, and what the solution took.
-fn own_law<const N: usize>(
+/// Our parametrisation over the reference's grid: its time, and what the solution took.
+fn own_parametrisation<const N: usize>(
     geometry: &Geometry<N>,
     limits: &Limits<N>,
     grid: &[f64],
@@ -277,7 +279,7 @@ fn own_law<const N: usize>(
         })
         .collect();
     // A slow motion with the shape of one that keeps acceleration.
-    let mut law = TimeParametrisation::default();
+    let mut parametrisation = TimeParametrisation::default();
     let mut w: Vec<f64> = (0..points)
         .map(|k| {
             let at = geometry.at(s(k));
@@ -311,9 +313,9 @@ fn own_law<const N: usize>(
         } else {
             0.5 * SLOW * (w[k + 1] - w[k - 1]) / (s(k + 1) - s(k - 1))
         };
-        Node { w: SLOW * w[k], a }
+        NodeState { w: SLOW * w[k], a }
     });
-    let outcome = law.solve(&cells, limits, Node::default(), guess, 0.3, 1e-4);
+    let outcome = parametrisation.solve(&cells, limits, NodeState::default(), guess, 0.3, 1e-4);
     outcome
         .converged
         .then(|| (outcome.time, (thread_time() - begin).as_secs_f64()))
@@ -381,11 +383,11 @@ fn row<const N: usize>(contour: &Contour<N>) {
         times.flatten().fold(f64::INFINITY, f64::min)
     };
     let two = fastest(&mut (0..2).map(|_| solve(1_001, 2).map(|r| r.took)));
-    let law = |points, times: usize| {
+    let parametrisation = |points, times: usize| {
         let grid = even(&geometry, points);
-        fastest(&mut (0..times).map(|_| own_law(&geometry, limits, &grid).map(|o| o.1)))
+        fastest(&mut (0..times).map(|_| own_parametrisation(&geometry, limits, &grid).map(|o| o.1)))
     };
-    let (own, fine) = (law(1_001, 10), law(5_001, 3));
+    let (own, fine) = (parametrisation(1_001, 10), parametrisation(5_001, 3));
     eprintln!(
         "| {} | {:.1} | {:.1} | {:.0} | {:.0} | {:.0} | {:.1} |",
         contour.name,
@@ -404,7 +406,7 @@ fn main() {
     );
     println!("|---|---|---|---|---|---|---|---|---|---|");
     eprintln!(
-        "| path | planner, ms | law, 1,001 | LP, 1,001 | LP / law | LP / planner | law, 5,001 |"
+        "| path | planner, ms | parametrisation, 1,001 | LP, 1,001 | LP / parametrisation | LP / planner | parametrisation, 5,001 |"
     );
     let part = std::env::args()
         .skip(1)

@@ -70,9 +70,9 @@ fn attend(codes: &[UserCode], operator: &Operator, events: &Subscription) {
             _ => {}
         }
         if let Some(over) = &mut running
-            && let Some(failure) = over.ended()
+            && let Some(ended) = over.ended()
         {
-            say(operator, over.number, failure);
+            say(operator, over.number, ended.err());
             running = None;
         }
     }
@@ -122,22 +122,20 @@ impl<'a> Running<'a> {
         })
     }
 
-    /// Once it has ended, or its time is over: what was wrong with it, if anything was.
-    fn ended(&mut self) -> Option<Option<String>> {
+    /// How it has ended, once it has, or its time is over; what was wrong with it as an error.
+    fn ended(&mut self) -> Option<Result<(), String>> {
         match self.child.try_wait() {
             Ok(Some(status)) if status.success() => {
                 self.ended_well = true;
-                Some(None)
+                Some(Ok(()))
             }
-            Ok(Some(status)) => Some(Some(self.code.failed(&format!("has ended with {status}")))),
+            Ok(Some(status)) => Some(Err(self.code.failed(&format!("has ended with {status}")))),
             Ok(None) if Instant::now() < self.until => None,
             Ok(None) => {
                 let time = self.code.within.as_secs_f64();
-                Some(Some(
-                    self.code.failed(&format!("took longer than {time} s")),
-                ))
+                Some(Err(self.code.failed(&format!("took longer than {time} s"))))
             }
-            Err(error) => Some(Some(self.code.failed(&format!("is lost: {error}")))),
+            Err(error) => Some(Err(self.code.failed(&format!("is lost: {error}")))),
         }
     }
 }

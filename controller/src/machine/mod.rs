@@ -459,7 +459,7 @@ impl Machine {
 
     /// What the motor of a drive feels of what it moves.
     #[must_use]
-    pub fn at_shaft(&self, drive: usize, driven: &FeedAxis) -> twin::Axis {
+    pub fn at_shaft(&self, drive: usize, driven: &FeedAxis) -> twin::DrivenAxis {
         let spec = &self.drives[drive];
         let axis = &self.axes[spec.axis];
         let rotary = !axis.letter.is_linear();

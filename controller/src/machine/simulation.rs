@@ -239,7 +239,12 @@ impl FeedAxis {
     /// What a motor feels of it at its shaft, through a drive whose scaling that is, on a rotary axis
     /// or a linear one.
     #[must_use]
-    pub fn at_shaft(&self, scaling: &Scaling, mm_per_revolution: f64, rotary: bool) -> twin::Axis {
+    pub fn at_shaft(
+        &self,
+        scaling: &Scaling,
+        mm_per_revolution: f64,
+        rotary: bool,
+    ) -> twin::DrivenAxis {
         // m for a radian of the shaft; rad of a rotary axis.
         let unit = if rotary { TAU / 360.0 } else { 1e-3 };
         let travel = unit * mm_per_revolution / TAU;
@@ -262,7 +267,7 @@ impl FeedAxis {
         });
         let errors = self.lead_error.iter();
         let errors = errors.map(|&(at, error)| (revolutions(at), sign * error / mm_per_revolution));
-        twin::Axis {
+        twin::DrivenAxis {
             motor: self.motor,
             train: DriveTrain {
                 rotor_inertia,

@@ -125,7 +125,7 @@ pub enum ErrorClass {
 
 /// A motor with the feed axis behind it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Axis {
+pub struct DrivenAxis {
     /// The motor.
     pub motor: Motor,
     /// The axis at its shaft.
@@ -193,7 +193,7 @@ pub struct Config {
     /// Answers at once, not after the time that a drive's processor takes.
     pub prompt: bool,
     /// What its motor moves, and the motor; `None`: the model's own.
-    pub axis: Option<Axis>,
+    pub axis: Option<DrivenAxis>,
     /// How unevenly it turns in Profile Velocity; `None`: evenly.
     pub ripple: Option<Ripple>,
     /// What makes its encoder's reading wrong; `None`: the model's own.

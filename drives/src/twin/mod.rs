@@ -35,7 +35,7 @@ pub mod tsp10;
 pub mod twk_crn;
 
 pub use device::{
-    Axis, Config, Course, Disturbance, ErrorClass, Kind, Observation, Ripple, Sensor,
+    Config, Course, Disturbance, DrivenAxis, ErrorClass, Kind, Observation, Ripple, Sensor,
     SimulatedDevice,
 };
 

@@ -7,7 +7,7 @@ use syncline_drives::mechanics::drive_train::{DriveTrain, Elasticity};
 use syncline_drives::mechanics::friction::Friction;
 use syncline_drives::twin::lxm32m::TwinConfig;
 use syncline_drives::twin::servo::motor::Motor;
-use syncline_drives::twin::{Axis, Config, SimulatedDevice};
+use syncline_drives::twin::{Config, DrivenAxis, SimulatedDevice};
 
 /// Where the shaft is at each 2 ms of a run-up with a Halt and of one with a Quick Stop.
 fn motion(writes: &[(u16, u8, i32)]) -> Vec<f64> {
@@ -105,7 +105,7 @@ fn a_current_limit_is_the_torque_at_its_constant() {
 /// A twin on an axis of data sheets, with a power stage.
 fn on_an_axis() -> TwinConfig {
     let config = Config {
-        axis: Some(Axis {
+        axis: Some(DrivenAxis {
             motor: Motor::default(),
             train: DriveTrain {
                 elasticity: Some(Elasticity {

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use syncline_drives::mechanics::drive_train::DriveTrain;
 use syncline_drives::twin::lxm32m::TwinConfig;
 use syncline_drives::twin::servo::motor::{MOTORS, Motor};
-use syncline_drives::twin::{Axis, Config, SimulatedDevice};
+use syncline_drives::twin::{Config, DrivenAxis, SimulatedDevice};
 
 fn signed(bench: &mut Bench, index: u16, sub: u8) -> f64 {
     let bytes = bench.read(1, index, sub).unwrap();
@@ -20,7 +20,7 @@ fn signed(bench: &mut Bench, index: u16, sub: u8) -> f64 {
 /// One with this motor and its power stage, in Profile Torque.
 fn with(motor: Motor) -> Bench {
     let config = Config {
-        axis: Some(Axis {
+        axis: Some(DrivenAxis {
             motor,
             train: DriveTrain::default(),
         }),

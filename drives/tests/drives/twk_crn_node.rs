@@ -12,7 +12,7 @@ use syncline_drives::twin::servo::motor::Motor;
 use syncline_drives::twin::twk_crn::{
     Commissioned, EncoderError, Policies, Resolution, Texts, Twin, TwinConfig, Version,
 };
-use syncline_drives::twin::{Axis, Config, Disturbance, SimulatedDevice};
+use syncline_drives::twin::{Config, Disturbance, DrivenAxis, SimulatedDevice};
 use syncline_drives::twin::{cia402_csp, lxm32m};
 use syncline_drives::world::World;
 
@@ -727,7 +727,7 @@ fn an_encoder_on_the_load_is_behind_what_gives_way() {
         ..DriveTrain::default()
     };
     let ahead = ahead_of_its_encoder(&Config {
-        axis: Some(Axis {
+        axis: Some(DrivenAxis {
             motor: Motor::default(),
             train,
         }),

@@ -4,7 +4,7 @@ use super::cascade::Gains;
 use super::encoder::EncoderErrors;
 use super::power_stage::{DcBus, PowerStage, TorqueSource};
 use super::shaft::Plant;
-use crate::twin::device::{Axis, Config};
+use crate::twin::device::{Config, DrivenAxis};
 
 /// A servo drive's motor and axis, its encoder and the gains of its loops.
 #[derive(Clone, Debug)]
@@ -36,7 +36,7 @@ impl ServoAxis {
     /// nothing was. How much of the velocity is fed forward is the model's affair.
     pub(in crate::twin) fn configured(self, config: &Config) -> Self {
         let encoder = config.encoder.unwrap_or(self.encoder);
-        let Some(Axis { motor, train }) = &config.axis else {
+        let Some(DrivenAxis { motor, train }) = &config.axis else {
             return Self { encoder, ..self };
         };
         Self {

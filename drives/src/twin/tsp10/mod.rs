@@ -20,7 +20,7 @@ pub use motor::Motor;
 pub use policy::{Policies, RelativeTo, SecondTarget, StandbyUnit, TPdoTrigger};
 pub use signals::Switches;
 
-use super::device::{Axis, Config, Kind};
+use super::device::{Config, DrivenAxis, Kind};
 use super::node::{Delays, Device, Processor};
 use super::servo::shaft::Plant;
 use crate::dictionary::TSP10;
@@ -85,7 +85,7 @@ impl From<&Config> for TwinConfig {
             position: config.position,
             mechanics: match &config.axis {
                 None => own.mechanics,
-                Some(Axis { train, .. }) => train.clone().into(),
+                Some(DrivenAxis { train, .. }) => train.clone().into(),
             },
             processor: own.processor.configured(config),
             ..own

@@ -44,7 +44,7 @@ impl<'a, const N: usize, S: Fn(usize) -> Option<&'a PathSegment<N>>> PathCursor<
 
 /// A state on the path, what happens in the cell that follows, and the path there.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Node<const N: usize> {
+pub(super) struct BrakingNode<const N: usize> {
     pub(super) s: f64,
     pub(super) v: f64,
     pub(super) a: f64,
@@ -63,9 +63,9 @@ pub(super) struct Node<const N: usize> {
     pub(super) share: [f64; 2],
 }
 
-impl<const N: usize> Node<N> {
+impl<const N: usize> BrakingNode<N> {
     pub(super) fn nowhere() -> Self {
-        Node {
+        BrakingNode {
             s: 0.0,
             v: 0.0,
             a: 0.0,
@@ -323,7 +323,7 @@ fn within(range: &mut [f64; 2], slope: f64, offset: f64, limit: f64) {
 
 /// The range of path jerks j that every axis allows at a node for the path acceleration a + c j,
 /// with that part of the limits.
-pub(super) fn jerks<const N: usize>(node: &Node<N>, share: f64, a: f64, c: f64) -> [f64; 2] {
+pub(super) fn jerks<const N: usize>(node: &BrakingNode<N>, share: f64, a: f64, c: f64) -> [f64; 2] {
     let v = node.v;
     let mut range = [f64::NEG_INFINITY, f64::INFINITY];
     for [d1, d2, d3] in &node.rows {
@@ -335,8 +335,8 @@ pub(super) fn jerks<const N: usize>(node: &Node<N>, share: f64, a: f64, c: f64) 
 
 /// The range of path accelerations at a node for which every axis keeps its limit, and for which
 /// there is a path jerk so that every axis keeps that.
-pub(super) fn accelerations<const N: usize>(node: &Node<N>, limits: &Limits<N>) -> [f64; 2] {
-    let Node { v, share, .. } = *node;
+pub(super) fn accelerations<const N: usize>(node: &BrakingNode<N>, limits: &Limits<N>) -> [f64; 2] {
+    let BrakingNode { v, share, .. } = *node;
     let mut range = [f64::NEG_INFINITY, f64::INFINITY];
     for (i, row) in node.rows.iter().enumerate() {
         if is_still(row) {

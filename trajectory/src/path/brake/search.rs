@@ -4,7 +4,7 @@
 //! axes' jerks allow at both ends of each. In the falling cells the speed comes down: their nodes keep
 //! their speeds from round to round, and a round finds the accelerations at them, and so the places.
 
-use super::node::{Node, PathCursor, accelerations, jerks};
+use super::node::{BrakingNode, PathCursor, accelerations, jerks};
 use super::{Braking, ROUNDING, instant_at};
 use crate::path::{Curve, Limits, PathSegment, PathState};
 
@@ -101,10 +101,10 @@ pub(super) struct SearchState<const N: usize> {
     resolution: Resolution,
     target: f64,
     /// First the acceleration is taken back, in so many cells.
-    rising: [Node<N>; MOST_RISING + 1],
+    rising: [BrakingNode<N>; MOST_RISING + 1],
     pub(super) rising_cells: usize,
     /// Then the speed comes down.
-    pub(super) falling: [Node<N>; MOST_FALLING + 1],
+    pub(super) falling: [BrakingNode<N>; MOST_FALLING + 1],
     falling_cells: usize,
     /// What was done since the search goes on, in units of [`RELAXING`].
     pub(super) work: usize,
@@ -133,7 +133,7 @@ pub(super) const SHARE: f64 = 0.9992;
 
 impl<const N: usize> SearchState<N> {
     pub(super) fn new(resolution: Resolution) -> Self {
-        let node = Node::nowhere();
+        let node = BrakingNode::nowhere();
         SearchState {
             resolution,
             target: 0.0,
@@ -475,7 +475,7 @@ impl<const N: usize> SearchState<N> {
     }
 
     /// The nodes at the ends of a cell.
-    fn cell(&self, cell: usize) -> [Node<N>; 2] {
+    fn cell(&self, cell: usize) -> [BrakingNode<N>; 2] {
         if cell + 1 < self.rising_cells {
             [self.rising[cell], self.rising[cell + 1]]
         } else if cell < self.rising_cells {
@@ -486,7 +486,7 @@ impl<const N: usize> SearchState<N> {
         }
     }
 
-    fn node(&mut self, node: usize) -> &mut Node<N> {
+    fn node(&mut self, node: usize) -> &mut BrakingNode<N> {
         if node < self.rising_cells {
             &mut self.rising[node]
         } else {

@@ -86,7 +86,7 @@ impl<const N: usize> From<Derivatives<N>> for Slope<N> {
 
 /// Path state at a node: w = ṡ² and a = s̈.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Node {
+pub struct NodeState {
     /// ṡ², mm²/s²
     pub w: f64,
     /// s̈, mm/s²
@@ -144,7 +144,7 @@ const FURTHEST_DOWN: f64 = 0.8;
 pub struct TimeParametrisation<const N: usize> {
     stages: Vec<Stage>,
     rows: Vec<Row>,
-    nodes: Vec<Node>,
+    nodes: Vec<NodeState>,
 }
 
 impl<const N: usize> TimeParametrisation<N> {
@@ -159,7 +159,7 @@ impl<const N: usize> TimeParametrisation<N> {
     }
 
     /// The solution: a state for every node, one more than there are cells.
-    pub fn nodes(&self) -> &[Node] {
+    pub fn nodes(&self) -> &[NodeState] {
         &self.nodes
     }
 
@@ -171,8 +171,8 @@ impl<const N: usize> TimeParametrisation<N> {
         &mut self,
         cells: &[Cell<N>],
         limits: &Limits<N>,
-        start: Node,
-        guess: impl Iterator<Item = Node>,
+        start: NodeState,
+        guess: impl Iterator<Item = NodeState>,
         barrier: f64,
         tolerance: f64,
     ) -> Outcome {
@@ -182,7 +182,7 @@ impl<const N: usize> TimeParametrisation<N> {
         self.nodes.extend(guess.take(n + 1));
         debug_assert_eq!(self.nodes.len(), n + 1);
         self.nodes[0] = start;
-        self.nodes[n] = Node::default();
+        self.nodes[n] = NodeState::default();
 
         self.lay_rows(cells, limits);
         let (time, _) = self.relinearise(cells);

@@ -29,7 +29,7 @@ use super::bounds::{Bounds, rest_to_rest};
 use super::brake::instant_at;
 use super::certify::{ROUNDING, load};
 use super::plan::PlannedSegment;
-use super::time_parametrisation::{Cell, Node, TimeParametrisation};
+use super::time_parametrisation::{Cell, NodeState, TimeParametrisation};
 use super::{JerkSegment, Limits, PathSegment, PathState};
 use crate::profile::State;
 use crate::state_to_state::{self, Axis};
@@ -379,7 +379,7 @@ impl<const N: usize> Window<N> {
         }
         self.fill(path_segments, limits);
         self.effort.cells += self.cells.len();
-        let start = Node {
+        let start = NodeState {
             w: departure.speed * departure.speed,
             a: departure.acceleration,
         };
@@ -391,7 +391,7 @@ impl<const N: usize> Window<N> {
             }
             known.clear();
             known.extend_from_slice(self.solver.nodes());
-            let mut solve = |guess: &mut dyn Iterator<Item = Node>, barrier| {
+            let mut solve = |guess: &mut dyn Iterator<Item = NodeState>, barrier| {
                 let outcome =
                     (self.solver).solve(&self.cells, limits, start, guess, barrier, TOLERANCE);
                 let work = outcome.iterations * self.cells.len();
@@ -596,14 +596,19 @@ pub(super) fn room_to_stop<const N: usize>(
 
 /// First iterate: a slow motion of the shape of the estimate; over the first `kept` nodes it slows
 /// down from the estimate itself.
-fn guess(nodes: &[f64], estimate: &[f64], start: Node, kept: usize) -> impl Iterator<Item = Node> {
+fn guess(
+    nodes: &[f64],
+    estimate: &[f64],
+    start: NodeState,
+    kept: usize,
+) -> impl Iterator<Item = NodeState> {
     let last = nodes.len() - 1;
     (0..=last).map(move |k| {
         if k == 0 {
             return start;
         }
         if k == last {
-            return Node::default();
+            return NodeState::default();
         }
         let w = |k: usize| {
             let part = if k < kept {
@@ -614,7 +619,7 @@ fn guess(nodes: &[f64], estimate: &[f64], start: Node, kept: usize) -> impl Iter
             (1.0 - (1.0 - SLOW) * part) * estimate[k]
         };
         let a = 0.5 * (w(k + 1) - w(k - 1)) / (nodes[k + 1] - nodes[k - 1]);
-        Node {
+        NodeState {
             w: w(k).max(LEAST_GUESS),
             a,
         }
