@@ -3,6 +3,7 @@
 use super::drive::Drive;
 use super::settings::Settings;
 use crate::twin::node::Firmware;
+use crate::twin::servo::option_codes::ByOptionCodes;
 use syncline_canopen::cia402::Controlword;
 use syncline_canopen::dictionary::{Dictionary, Row};
 use syncline_canopen::emcy::{Emergency, code, register};

@@ -2,7 +2,7 @@
 
 use super::fault::DriveError;
 use super::policy::Policies;
-use super::settings::{SWITCH_OFF, Settings};
+use super::settings::Settings;
 use super::{
     CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_VELOCITY, INTERPOLATED_POSITION,
     PROFILE_VELOCITY, TwinConfig, VELOCITY,
@@ -13,6 +13,7 @@ use crate::twin::servo::cascade::{POSITION_STEP, Reference};
 use crate::twin::servo::firmware::{Servo, ServoFirmware};
 use crate::twin::servo::lasting::Lasting;
 use crate::twin::servo::loops::Loops;
+use crate::twin::servo::option_codes::{ByOptionCodes, OptionCodes};
 use crate::twin::servo::ramp::{Limits, Ramp};
 use crate::twin::servo::segment::{Segment, seconds};
 use core::f64::consts::TAU;
@@ -233,6 +234,13 @@ impl Drive {
         });
     }
 
+    /// Another mode than the one that follows setpoints: what moves comes to rest.
+    pub(super) fn mode_changed(&mut self) {
+        if self.settings.mode != self.mode {
+            self.brake();
+        }
+    }
+
     // ---- monitoring ----
 
     fn monitor(&mut self) {
@@ -361,6 +369,14 @@ impl Drive {
     }
 }
 
+impl ByOptionCodes for Drive {
+    const CONNECTION_LOST: DriveError = DriveError::CONNECTION_LOST;
+
+    fn option_codes(&self) -> OptionCodes {
+        self.settings.option_codes
+    }
+}
+
 impl ServoFirmware for Drive {
     type Error = DriveError;
 
@@ -424,13 +440,8 @@ impl ServoFirmware for Drive {
         }
     }
 
-    /// The profile has one fault reaction, 605Eh.
     fn reaction(&self, class: ErrorClass) -> ErrorClass {
-        if class > ErrorClass::StopAndSwitchOff || self.settings.fault_reaction == SWITCH_OFF {
-            ErrorClass::SwitchOff
-        } else {
-            ErrorClass::StopAndSwitchOff
-        }
+        self.settings.option_codes.reaction(class)
     }
 
     fn warned(&mut self, _: DriveError) {

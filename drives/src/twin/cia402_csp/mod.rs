@@ -30,7 +30,6 @@ mod drive;
 mod fault;
 mod policy;
 mod settings;
-mod state;
 
 pub use fault::DriveError;
 pub use policy::Policies;

@@ -3,14 +3,10 @@
 use super::{INTERPOLATED_POSITION, VELOCITY};
 use crate::dictionary::CIA402_CSP;
 use crate::twin::cia402::interpolation_period;
+use crate::twin::servo::option_codes::OptionCodes;
 use syncline_canopen::Address;
 use syncline_canopen::dictionary::{Dictionary, Preset};
 use syncline_canopen::time::Duration;
-
-/// 605Ah and 605Eh: off at once.
-pub(super) const SWITCH_OFF: i64 = 0;
-/// 605Ah: brake with the quick stop ramp and stay in Quick Stop Active.
-pub(super) const BRAKE_AND_STAY: i64 = 6;
 
 /// Taken anew from the objects with each write.
 #[derive(Clone, Copy, Debug)]
@@ -43,12 +39,7 @@ pub(super) struct Settings {
     pub(super) window_time: Duration,
     /// 6085h, increments/s².
     pub(super) quick_stop_deceleration: f64,
-    /// 605Ah.
-    pub(super) quick_stop: i64,
-    /// 605Eh.
-    pub(super) fault_reaction: i64,
-    /// 6007h.
-    pub(super) abort_connection: i64,
+    pub(super) option_codes: OptionCodes,
 }
 
 impl Settings {
@@ -102,9 +93,11 @@ impl Settings {
             window: window(0x6067),
             window_time: millis(0x6068),
             quick_stop_deceleration: value(0x6085, 0) as f64,
-            quick_stop: value(0x605A, 0),
-            fault_reaction: value(0x605E, 0),
-            abort_connection: value(0x6007, 0),
+            option_codes: OptionCodes {
+                quick_stop: value(0x605A, 0),
+                fault_reaction: value(0x605E, 0),
+                abort_connection: value(0x6007, 0),
+            },
         }
     }
 }

@@ -9,7 +9,7 @@
 //! - [`ramp`]: the drive's own profile generator; [`segment`]: from setpoint to setpoint
 //! - [`errors`]: what is wrong, and how it is told
 //! - [`firmware`]: what stands between them and the node, with the state machine of CiA 402;
-//!   [`lasting`]: the time that something has to be so
+//!   [`option_codes`]: how CiA 402's option codes have it stop and react; [`lasting`]: the time that something has to be so
 //!
 //! [`loops`] puts them together in the order of one step of its speed loop: the cascade turns the
 //! last reading into a torque, the power stage makes of it what current and voltage allow, the shaft moves
@@ -25,6 +25,7 @@ pub mod firmware;
 pub mod lasting;
 pub mod loops;
 pub mod motor;
+pub mod option_codes;
 pub mod power_stage;
 pub mod ramp;
 pub mod segment;
