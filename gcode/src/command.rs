@@ -185,6 +185,9 @@ pub struct Spindle {
     /// A constant surface speed (G96).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub surface: Option<Surface>,
+    /// Where one that does not turn is held (M19); `None`: it is free.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub orientation: Option<Orientation>,
 }
 
 impl Spindle {
@@ -195,11 +198,74 @@ impl Spindle {
         Spindle { speed, ..self }
     }
 
+    /// As M5 leaves it.
+    #[must_use]
+    pub fn stopped(self) -> Self {
+        Spindle {
+            turning: Turning::Off,
+            orientation: None,
+            ..self
+        }
+    }
+
     /// How fast it is to turn where X is at that machine coordinate, mm.
     #[must_use]
     pub fn at(self, x: f64) -> Self {
         let speed = self.surface.map_or(self.speed, |it| it.speed_at(x));
         Spindle { speed, ..self }
+    }
+}
+
+/// An angle at which the spindle is held.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Orientation {
+    /// Clockwise from where the spindle's angle is 0, degrees, from 0 to below 360.
+    pub angle: f64,
+    /// Which way round it is to come there from rest.
+    pub way: Way,
+    /// Within this time; `None`: within what the machine takes at most.
+    pub within: Option<Duration>,
+}
+
+impl fmt::Display for Orientation {
+    /// The code that asks for it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "M19 R{}", self.angle)?;
+        match self.way {
+            Way::Shorter => {}
+            Way::Clockwise => f.write_str(" P1")?,
+            Way::Counterclockwise => f.write_str(" P2")?,
+        }
+        match self.within {
+            Some(within) => write!(f, " Q{}", within.as_secs_f64()),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Which way round a spindle comes to an angle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub enum Way {
+    /// The shorter way.
+    #[default]
+    Shorter,
+    /// As M3 turns it.
+    Clockwise,
+    /// As M4 turns it.
+    Counterclockwise,
+}
+
+impl Way {
+    /// What is left to turn to an angle that is so much further on clockwise, both in turns.
+    #[must_use]
+    pub fn turns(self, further: f64) -> f64 {
+        let clockwise = further.rem_euclid(1.0);
+        match self {
+            Way::Clockwise => clockwise,
+            Way::Counterclockwise if clockwise > 0.0 => clockwise - 1.0,
+            Way::Shorter if clockwise > 0.5 => clockwise - 1.0,
+            Way::Counterclockwise | Way::Shorter => clockwise,
+        }
     }
 }
 

@@ -5,7 +5,7 @@
 use std::collections::VecDeque;
 
 use super::axes::Axis;
-use super::command::{Action, PathMode, Spindle, Turning};
+use super::command::{Action, PathMode, Turning};
 use super::error::{Fault, Refusal};
 use super::execute::{DWELL_LIMIT, State};
 use super::lexer::Columns;
@@ -363,11 +363,7 @@ impl Hole<'_> {
             Cycle::BoringWithDwell => self.feed(levels.clear)?,
             Cycle::BoringWithStop => {
                 let turning = self.state.modes.spindle;
-                let stopped = Spindle {
-                    turning: Turning::Off,
-                    ..turning
-                };
-                self.commands.push_back(Action::Spindle(stopped));
+                (self.commands).push_back(Action::Spindle(turning.stopped()));
                 self.rapid(levels.clear)?;
                 self.commands.push_back(Action::Spindle(turning));
             }

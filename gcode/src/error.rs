@@ -337,6 +337,11 @@ pub enum Fault {
          file, or mill the thread with G2 or G3 and Z"
     )]
     NoSpindleAngle { code: Code },
+    #[error(
+        "M19 needs a spindle whose angle is measured: name the `drive` that turns it in [spindle] of the machine file, \
+         or write M5 and M0, and turn it by hand"
+    )]
+    NoOrientation,
     #[error("{code} needs a spindle that turns: write M3 or M4 and S before")]
     ThreadSpindle { code: Code },
     #[error("{code} needs a spindle that turns {needs}")]

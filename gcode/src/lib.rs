@@ -54,7 +54,8 @@ pub use arc::{Arc, Direction, Plane, RADIUS_RATIO, RADIUS_TOLERANCE};
 pub use axes::{Axis, AxisSet, Point};
 pub use command::{
     ANALOG_INPUTS, ANALOG_OUTPUTS, Action, Command, Coolant, DIGITAL_INPUTS, DIGITAL_OUTPUTS, Feed,
-    InputWait, Output, PathMode, Probe, Span, Spindle, Stop, Surface, TakenInput, Turning, Until,
+    InputWait, Orientation, Output, PathMode, Probe, Span, Spindle, Stop, Surface, TakenInput,
+    Turning, Until, Way,
 };
 pub use coordinates::WorkCoordinates;
 pub use cycles::Cycle;

@@ -2,7 +2,7 @@
 //! and the parameters. Offsets and tools themselves are in the [`Tables`](super::Tables).
 
 use super::axes::{Axis, Point};
-use super::command::{Coolant, PathMode, Spindle, Turning};
+use super::command::{Coolant, PathMode, Spindle};
 use super::coordinates::WorkCoordinates;
 use super::modal::{Modes, Motion};
 use super::parameters::{InputResult, Parameters};
@@ -66,9 +66,8 @@ impl Memory {
     pub fn stop(&mut self) {
         let spindle = self.modes.spindle.as_programmed();
         self.modes.spindle = Spindle {
-            turning: Turning::Off,
             surface: None,
-            ..spindle
+            ..spindle.stopped()
         };
         self.modes.coolant = Coolant::default();
     }

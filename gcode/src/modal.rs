@@ -112,8 +112,6 @@ pub(crate) enum Standing {
     Unknown,
 }
 
-const NO_ORIENTATION: &str =
-    "the spindle is not turned to an angle: write M5 and M0, and turn it by hand";
 const NO_LATHE: &str = "it is for lathes";
 const NO_SCALING: &str =
     "have the program scaled where it is made: write G50 away if it only ends that";
@@ -158,11 +156,10 @@ impl Code {
             },
             Code::M(number) => match number {
                 0 | 1 | 2 | 30 | 98 | 99 => Supported(Group::Stopping),
-                3..=5 => Supported(Group::Spindle),
+                3..=5 | 19 => Supported(Group::Spindle),
                 6 => Supported(Group::ToolChange),
                 7 => Supported(Group::Mist),
                 8 | 9 => Supported(Group::Coolant),
-                19 => Refused(NO_ORIENTATION),
                 48 | 50..=53 => Supported(Group::Overrides),
                 61 => Supported(Group::ToolChange),
                 62..=68 => Supported(Group::Output),
@@ -361,10 +358,14 @@ impl fmt::Display for Modes {
         if let Some(feed) = self.feed {
             write!(f, " F{}", feed.number * feed.unit / self.unit())?;
         }
-        let spindle = match self.spindle.turning {
+        let turning = match self.spindle.turning {
             Turning::Off => "M5",
             Turning::Clockwise => "M3",
             Turning::Counterclockwise => "M4",
+        };
+        let spindle = match self.spindle.orientation {
+            Some(orientation) => orientation.to_string(),
+            None => turning.to_owned(),
         };
         match self.spindle.surface {
             Some(Surface { speed, within, .. }) => {

@@ -7,10 +7,11 @@ use super::axes::Axis;
 use super::block::Block;
 use super::command::{
     ANALOG_INPUTS, ANALOG_OUTPUTS, Action, Coolant, DIGITAL_INPUTS, DIGITAL_OUTPUTS, InputWait,
-    Output, Spindle, Stop, Surface, TakenInput, Turning, Until,
+    Orientation, Output, Spindle, Stop, Surface, TakenInput, Turning, Until, Way,
 };
 use super::error::{Fault, Refusal};
 use super::execute::{DWELL_LIMIT, State, missing};
+use super::lexer::Columns;
 use super::modal::{Code, Group, surface_unit};
 use super::parameters::InputResult;
 use super::words::{Words, out_of_range, whole};
@@ -53,7 +54,7 @@ impl State {
         Ok(())
     }
 
-    /// S, M3, M4, M5.
+    /// S, M3, M4, M5, M19.
     pub(crate) fn spindle(
         &mut self,
         words: &mut Words,
@@ -84,9 +85,22 @@ impl State {
             spindle.speed = speed;
         }
         match words.code(Group::Spindle) {
-            Some(Code::M(3)) => spindle.turning = Turning::Clockwise,
-            Some(Code::M(4)) => spindle.turning = Turning::Counterclockwise,
-            Some(_) => spindle.turning = Turning::Off,
+            Some(code @ Code::M(19)) => {
+                let columns = words.code_columns(Group::Spindle).unwrap_or_default();
+                let orientation = Some(self.orientation(words, code, columns)?);
+                spindle = Spindle {
+                    orientation,
+                    ..spindle.stopped()
+                };
+            }
+            Some(code) => {
+                spindle = spindle.stopped();
+                spindle.turning = match code {
+                    Code::M(3) => Turning::Clockwise,
+                    Code::M(4) => Turning::Counterclockwise,
+                    _ => Turning::Off,
+                };
+            }
             None => {}
         }
         let changed = spindle.as_programmed() != self.modes.spindle.as_programmed();
@@ -95,6 +109,44 @@ impl State {
             commands.push_back(Action::Spindle(spindle));
         }
         Ok(())
+    }
+
+    /// M19: the angle R, which way round by P, within Q seconds.
+    fn orientation(
+        &self,
+        words: &mut Words,
+        code: Code,
+        columns: Columns,
+    ) -> Result<Orientation, Refusal> {
+        if !self.setup.has_spindle_angle {
+            return Err(Refusal::new(columns, Fault::NoOrientation));
+        }
+        let angle = words.take(b'R', code)?.unwrap_or(0.0);
+        if !(0.0..=360.0).contains(&angle) {
+            let fault = out_of_range('R', angle, "an angle from 0 to 360 degrees");
+            return Err(words.refuse(b'R', fault));
+        }
+        let allowed = "0 for the shorter way round, 1 for clockwise, 2 for counterclockwise";
+        let way = match words.take_whole(b'P', code, 0..=2, allowed)? {
+            None | Some(0) => Way::Shorter,
+            Some(1) => Way::Clockwise,
+            Some(_) => Way::Counterclockwise,
+        };
+        let within = match words.take(b'Q', code)? {
+            Some(seconds) if seconds > 0.0 && seconds <= DWELL_LIMIT => {
+                Some(Duration::from_secs_f64(seconds))
+            }
+            Some(seconds) => {
+                let allowed = "a time above 0, up to 1000000 s, within which it has to come there";
+                return Err(words.refuse(b'Q', out_of_range('Q', seconds, allowed)));
+            }
+            None => None,
+        };
+        Ok(Orientation {
+            angle: angle % 360.0,
+            way,
+            within,
+        })
     }
 
     /// G96 and G97.

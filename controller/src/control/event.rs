@@ -357,6 +357,8 @@ pub enum Pause {
     NoInput(u8),
     /// The spindle did not reach its speed in time.
     NotAtSpeed,
+    /// M19: the spindle did not come to its angle in time.
+    NotOriented,
     /// The command of this M-code of the user's failed, or took too long.
     UserCode(u16),
 }
@@ -437,6 +439,9 @@ impl fmt::Display for Pause {
             Self::NextLeg => f.write_str("on the way back to the path, waits for cycle start"),
             Self::NoInput(number) => write!(f, "input P{number} did not come in time (M66)"),
             Self::NotAtSpeed => f.write_str("the spindle did not reach its speed in time"),
+            Self::NotOriented => f.write_str(
+                "the spindle did not come to its angle in time: free it; cycle start waits for it once more",
+            ),
             Self::UserCode(code) => {
                 write!(
                     f,

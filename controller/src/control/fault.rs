@@ -72,6 +72,13 @@ pub enum Fault {
         /// By how much it might differ, 1/min.
         allowed: f64,
     },
+    /// The spindle was turned away from the angle that it was oriented to, while the path moved.
+    SpindleAngle {
+        /// By how much, degrees, negative counterclockwise.
+        off: f64,
+        /// By how much it might, degrees.
+        allowed: f64,
+    },
     /// The probe touched something, or a tool the tool setter, while the axes moved for something else.
     Touched,
     /// The path rested in mid-program, nobody held it, and nothing more of its plan came.
@@ -495,6 +502,7 @@ impl Fault {
                 told,
                 allowed,
             } => return Some(((speed - told).abs(), allowed, "1/min")),
+            Self::SpindleAngle { off, allowed } => return Some((off.abs(), allowed, "°")),
             _ => return None,
         };
         let AxisSpec { limits, unit, .. } = names.axis(axis);
@@ -574,6 +582,10 @@ impl Fault {
             } => format!(
                 "the spindle turned with {speed:.0} 1/min in a cut, told were {told:.0} ± {allowed:.0} 1/min: look for what \
                  holds it back, tool, feed and depth of the cut, and at its drive"
+            ),
+            Self::SpindleAngle { off, allowed } => format!(
+                "the oriented spindle was {off:.2}° away from its angle, allowed is {allowed}°, while axes moved: look for \
+                 what turns it, and at its drive"
             ),
             Self::Touched => {
                 "the probe touched something, or a tool the tool setter, while nobody probed: move away, and look \

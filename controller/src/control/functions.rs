@@ -189,11 +189,10 @@ impl Switches {
         let MachineFunctions {
             spindle, coolant, ..
         } = self.functions;
-        let turning = Turning::Off;
         for (is_on, off) in [
             (
-                spindle.turning != turning,
-                Switch::Spindle(Spindle { turning, ..spindle }),
+                spindle != spindle.stopped(),
+                Switch::Spindle(spindle.stopped()),
             ),
             (
                 coolant != Coolant::default(),
@@ -294,10 +293,14 @@ impl<const N: usize> Controller<N> {
                 self.tell(Event::Output { output: index, on });
             }
         }
-        self.turn_spindle(match is_safe {
-            true => 0.0,
-            false => self.spindle_speed(),
-        });
+        let speed = match is_safe {
+            true => {
+                self.forget_orientation();
+                0.0
+            }
+            false => self.orient().unwrap_or_else(|| self.spindle_speed()),
+        };
+        self.turn_spindle(speed);
         for (index, output) in layout.analog_outputs.iter().enumerate() {
             let value = match is_safe {
                 true => output.safe,

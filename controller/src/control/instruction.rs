@@ -66,6 +66,11 @@ pub enum StopPoint {
         /// Program line.
         line: u32,
     },
+    /// The path goes on once the spindle is where it is oriented to.
+    Orient {
+        /// Program line.
+        line: u32,
+    },
     /// The path goes on at once, and what an input is there is kept.
     TakeInput {
         /// Which one.
@@ -132,6 +137,7 @@ impl StopPoint {
     pub fn works_on(&self) -> Option<u32> {
         match *self {
             Self::AwaitInput { line, .. }
+            | Self::Orient { line }
             | Self::TakeInput { line, .. }
             | Self::PointToPoint { line, .. }
             | Self::UserCode { line, .. }

@@ -310,7 +310,10 @@ impl<const N: usize> Controller<N> {
             if self.executor.is_off_path() {
                 self.executor.resume();
             }
-            self.executor.pass();
+            match self.reached() {
+                Some(StopPoint::Orient { .. }) => self.oriented_since = None,
+                _ => self.executor.pass(),
+            }
             // Held besides, it stays so.
             self.tell(match self.executor.is_held() {
                 true => Event::Held,

@@ -5,11 +5,12 @@ use super::inputs::InputIndex;
 use crate::budget::{BusBudget, DoesNotFit, MachineBudget};
 use crate::machine::{
     self, AxisLimits, Homing, HomingPolicy, Kept, Machine, MachineState, Motion, NotKept,
-    ProbeCaptures, Probing, Seat, TURN,
+    ProbeCaptures, Probing, Seat, Spindle, SpindleDrive, TURN,
 };
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, NodeId};
 use syncline_drives::model::{Device, Direction, Feedback, Increments, Scaling};
+use syncline_trajectory::limits::Limits;
 use syncline_trajectory::path::Retraction;
 use syncline_trajectory::shaper::Shaper;
 
@@ -169,6 +170,21 @@ pub struct SpindleSpec {
     pub reversal: Duration,
     /// The smallest difference of speeds that its drive tells, 1/min; 0 where it tells a position.
     pub speed_step: f64,
+    /// How it is oriented; `None` where its drive tells no position.
+    pub orientation: Option<OrientationSpec>,
+}
+
+/// How a spindle is brought to an angle (M19).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OrientationSpec {
+    /// It is there within so much, degrees.
+    pub tolerance: f64,
+    /// What it keeps on the way, in turns.
+    pub limits: Limits,
+    /// So much later than its drive is sent a velocity it has it, s.
+    pub delay: f64,
+    /// It is there within this time, from whatever speed.
+    pub within: Duration,
 }
 
 impl AxisSpec {
@@ -231,6 +247,20 @@ impl SpindleSpec {
             ramp: spindle.speeds.1 / spindle.ramp.as_secs_f64(),
             reversal: spindle.reversal(),
             speed_step: step.map_or(0.0, |step| step / drive.increments_per_second(1.0).abs()),
+            orientation: OrientationSpec::of(machine, spindle, drive),
+        })
+    }
+}
+
+impl OrientationSpec {
+    fn of(machine: &Machine, spindle: &Spindle, drive: &SpindleDrive) -> Option<Self> {
+        let delay = spindle.delay(machine.assumed(drive.model), machine.cycle);
+        let delay = delay.filter(|_| drive.model.moves_axes())?;
+        Some(Self {
+            tolerance: drive.orientation_tolerance,
+            limits: spindle.smooth_limits(),
+            delay,
+            within: spindle.orienting(),
         })
     }
 }

@@ -26,7 +26,7 @@
 //! - [`job`]: what the machine works on, one after the other
 //! - `instruction`: what the program feeds to the cycle, and where the path rests for it
 //! - `point_to_point`: axes that go to targets beside the path
-//! - [`spindle`]: a spindle that a drive turns
+//! - [`spindle`]: a spindle that a drive turns; `orientation`: one that is held at an angle
 //! - `axis`: planned position to increments, following error
 //! - [`reaction`], `supervision`: what is done about what happens, the table and its execution
 //! - [`measured`]: encoders on shafts of their own
@@ -48,6 +48,7 @@ pub mod loss;
 pub mod measured;
 mod node;
 mod order;
+mod orientation;
 mod phases;
 mod point_to_point;
 mod polls;
@@ -97,6 +98,7 @@ use homing::Homing;
 use inputs::{Awaited, Inputs};
 use limit_switches::LimitSwitches;
 use node::DeviceNode;
+use orientation::Orienter;
 use probing::Probing;
 use setpoint_misses::SetpointMisses;
 use spindle::SpindleWatch;
@@ -282,6 +284,9 @@ pub struct Controller<const N: usize> {
     threading: Threading<N>,
     switches: Switches,
     spindle: SpindleWatch,
+    orienter: Orienter,
+    /// Since when the path rests for the spindle to come to its angle.
+    oriented_since: Option<u64>,
     inputs: Inputs,
     limit_switches: LimitSwitches,
     /// While the path rests at an M66.
@@ -366,6 +371,8 @@ impl<const N: usize> Controller<N> {
             threading: Threading::new(),
             switches: Switches::new(&layout),
             spindle: SpindleWatch::new(&layout),
+            orienter: Orienter::default(),
+            oriented_since: None,
             inputs: Inputs::new(&layout.inputs, layout.cycle),
             limit_switches: LimitSwitches::new(&layout),
             awaited: None,

@@ -391,12 +391,20 @@ impl<const N: usize> Controller<N> {
         let waits_here = self.path_rests() && !self.executor.is_off_path();
         let is_theirs = matches!(self.reached(), Some(StopPoint::PointToPoint { .. }));
         self.let_go(waits_here && is_theirs && !self.executor.is_held());
-        if !matches!(self.reached(), Some(StopPoint::AwaitInput { .. })) {
+        let reached = self.reached();
+        if !matches!(reached, Some(StopPoint::AwaitInput { .. })) {
             self.awaited = None;
         }
-        if !self.path_rests() || self.switches.lag(self.executor.waypoints()) {
-            return;
+        if !matches!(reached, Some(StopPoint::Orient { .. })) {
+            self.oriented_since = None;
         }
+        if self.path_rests() && !self.switches.lag(self.executor.waypoints()) {
+            self.serve_stop_point();
+        }
+    }
+
+    /// Does what the program has at the mark where the path rests.
+    fn serve_stop_point(&mut self) {
         match self.reached() {
             Some(StopPoint::Pause { .. }) if self.pause_told => {}
             Some(StopPoint::Pause {
@@ -416,7 +424,12 @@ impl<const N: usize> Controller<N> {
             Some(StopPoint::UserCode { call, within, line }) if !self.pause_told => {
                 self.await_user_code(call, within, line);
             }
-            Some(StopPoint::AwaitInput { .. } | StopPoint::UserCode { .. }) => {}
+            Some(StopPoint::Orient { line }) if !self.pause_told => self.await_orientation(line),
+            Some(
+                StopPoint::AwaitInput { .. }
+                | StopPoint::Orient { .. }
+                | StopPoint::UserCode { .. },
+            ) => {}
             Some(stop) if stop.leaves_path() && self.executor.retraces() => {
                 // It was to go back, and could not come to rest before; nothing leads back over the move.
                 self.tell(Event::NoWayBack);

@@ -58,6 +58,8 @@ pub enum Cause {
     Thread,
     /// A driven spindle falls away from its speed in a cut.
     SpindleSpeed,
+    /// An oriented spindle is turned away while the path moves.
+    SpindleAngle,
     /// An axis is not referenced where it has to be, or cannot be homed.
     Unreferenced,
     /// No plan came for long.
@@ -110,7 +112,7 @@ pub struct Rule {
 }
 
 /// The table, in the order of [`Cause`].
-pub const RULES: [Rule; 27] = [
+pub const RULES: [Rule; 28] = [
     rule(Cause::FeedHold, Reaction::FeedHold, Clearing::GoOn),
     rule(Cause::Door, Reaction::FeedHold, Clearing::GoOn),
     rule(Cause::SpeedLost, Reaction::FeedHold, Clearing::GoOn),
@@ -119,6 +121,7 @@ pub const RULES: [Rule; 27] = [
     rule(Cause::Probing, Reaction::StopOnPath, Clearing::Nobody),
     rule(Cause::Thread, Reaction::StopOnPath, Clearing::Reset),
     rule(Cause::SpindleSpeed, Reaction::StopOnPath, Clearing::Reset),
+    rule(Cause::SpindleAngle, Reaction::StopOnPath, Clearing::Reset),
     rule(Cause::Unreferenced, Reaction::StopOnPath, Clearing::Reset),
     rule(Cause::NoPlan, Reaction::StopOnPath, Clearing::Reset),
     rule(Cause::LateWakeUp, Reaction::StopOnPath, Clearing::Reset),
@@ -205,6 +208,7 @@ impl Fault {
             Self::Probing { .. } | Self::Touched => Cause::Probing,
             Self::Thread { .. } => Cause::Thread,
             Self::SpindleSpeed { .. } => Cause::SpindleSpeed,
+            Self::SpindleAngle { .. } => Cause::SpindleAngle,
             Self::NotEnabled { .. } => Cause::EnableLost,
             Self::NoPlan => Cause::NoPlan,
         }
@@ -277,6 +281,7 @@ impl fmt::Display for Cause {
             Self::Thread => "a thread for which the spindle is too fast, too uneven, or does not turn",
             Self::SpeedLost => "the input `at_speed` goes off in a cut",
             Self::SpindleSpeed => "a spindle that a drive turns falls away from its speed in a cut",
+            Self::SpindleAngle => "an oriented spindle is turned away from its angle while axes move",
             Self::Unreferenced => "an axis not referenced that has to be, or that cannot be homed",
             Self::NoPlan => "the path waits for its plan for 30 s",
             Self::LateWakeUp => "late wake-up of a cycle that is to be strict",

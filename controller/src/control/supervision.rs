@@ -34,7 +34,8 @@ impl<const N: usize> Controller<N> {
                 self.fail(fault);
             }
         }
-        if let Err(fault) = self.watch_cutting_speed() {
+        let spindle = self.watch_cutting_speed();
+        if let Err(fault) = spindle.and_then(|()| self.watch_orientation()) {
             self.fail(fault);
         }
     }

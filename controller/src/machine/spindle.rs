@@ -8,7 +8,10 @@ use std::time::Duration;
 use syncline_canopen::NodeId;
 use syncline_drives::model::{Assumed, MODELS, Model, Scaling, Setpoint, Settings, Write};
 use syncline_strict_toml::{Log, Table, one_of};
-use syncline_trajectory::synchronous::RAMP_PART;
+use syncline_trajectory::limits::Limits;
+use syncline_trajectory::profile::State;
+use syncline_trajectory::state_to_state;
+use syncline_trajectory::synchronous::{LEAST_RISE, RAMP_PART};
 use toml::Spanned;
 
 /// The machine's spindle.
@@ -42,6 +45,8 @@ pub struct SpindleDrive {
     pub scaling: Scaling,
     /// The spindle has its speed where its drive measures no other one by more than this part of it.
     pub tolerance: f64,
+    /// It has come to an angle where its drive measures no other one by more, degrees.
+    pub orientation_tolerance: f64,
     /// What it moves when it is simulated; `None`: what its model has.
     pub simulation: Option<Simulation>,
 }
@@ -82,6 +87,23 @@ impl Spindle {
     #[must_use]
     pub fn reversal(&self) -> Duration {
         self.ramp * 2 + SETTLING
+    }
+
+    /// What a drive's ramp allows a speed to change by that changes smoothly, in turns.
+    #[must_use]
+    pub fn smooth_limits(&self) -> Limits {
+        let [speed, ramp] = [self.speeds.1 / 60.0, self.ramp.as_secs_f64()];
+        let acceleration = RAMP_PART * speed / ramp;
+        Limits::symmetric(RAMP_PART * speed, acceleration, acceleration / LEAST_RISE)
+    }
+
+    /// Longest time in which a drive brings it to an angle: from the greatest speed to rest, and a whole turn from there.
+    #[must_use]
+    pub fn orienting(&self) -> Duration {
+        let [from, to] = [0.0, 1.0].map(State::at_rest);
+        let turn = state_to_state::Axis::new(from, to, self.smooth_limits());
+        let turn = state_to_state::plan(&turn, 0.0).map_or(0.0, |it| it.duration());
+        self.ramp + Duration::from_secs_f64(turn) + SETTLING
     }
 
     /// So much later than its drive is sent a speed that changes smoothly, one for each cycle, the spindle has it, s: half of
@@ -144,6 +166,9 @@ const MOST_RAMP: i64 = 600_000;
 /// What a drive measures may differ by so much of the speed that is asked for.
 const TOLERANCE: f64 = 0.05;
 
+/// And by so much of the angle, degrees.
+const ORIENTATION_TOLERANCE: f64 = 0.5;
+
 /// A table good on its own.
 pub(super) struct SpindleTable {
     speeds: (f64, f64),
@@ -161,6 +186,7 @@ struct Turned {
     ramp: Range<usize>,
     gear: f64,
     tolerance: f64,
+    orientation_tolerance: f64,
     simulation: Option<Simulation>,
 }
 
@@ -209,6 +235,10 @@ impl Turned {
         let tolerance = table.number_if(log, "tolerance", allowed, |part| {
             (0.001..=0.5).contains(&part)
         });
+        let allowed = "a number from 0.01 to 30 (degrees)";
+        let orientation_tolerance = table.number_if(log, "orientation_tolerance", allowed, |it| {
+            (0.01..=30.0).contains(&it)
+        });
         let simulation = simulation::read(log, table, Simulated::Spindle);
         Some(Self {
             ramp: table.span_of("ramp_ms").unwrap_or_else(|| drive.span()),
@@ -216,6 +246,8 @@ impl Turned {
             drive,
             gear,
             tolerance: tolerance.map_or(TOLERANCE, Spanned::into_inner),
+            orientation_tolerance: orientation_tolerance
+                .map_or(ORIENTATION_TOLERANCE, Spanned::into_inner),
             simulation,
         })
     }
@@ -279,6 +311,7 @@ impl SpindleTable {
                 objects: table.node.objects,
                 scaling: Scaling::new(counts, TURN / turned.gear, table.direction, table.zero),
                 tolerance: turned.tolerance,
+                orientation_tolerance: turned.orientation_tolerance,
                 simulation: turned.simulation,
             };
             spindle.drive = Some(drive);

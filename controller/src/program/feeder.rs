@@ -430,6 +430,9 @@ impl Feeder {
             Action::Spindle(spindle) => {
                 self.spins_up = spindle.turning != gcode::Turning::Off;
                 self.switch(line, Switch::Spindle(*spindle));
+                if spindle.orientation.is_some() {
+                    self.stop_then(StopPoint::Orient { line });
+                }
             }
             Action::Coolant(coolant) => self.switch(line, Switch::Coolant(*coolant)),
             Action::Output(output) if output.is_with_motion() => {

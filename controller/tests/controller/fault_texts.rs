@@ -335,6 +335,9 @@ texts! {
     Fault::SpindleSpeed { .. }, Fault::SpindleSpeed { speed: -1803.4, told: -2400.0, allowed: 72.0 },
     "the spindle turned with -1803 1/min in a cut, told were -2400 ± 72 1/min: look for what holds it back, tool, feed and depth of the cut, and at its drive";
 
+    Fault::SpindleAngle { .. }, Fault::SpindleAngle { off: -3.418, allowed: 0.5 },
+    "the oriented spindle was -3.42° away from its angle, allowed is 0.5°, while axes moved: look for what turns it, and at its drive";
+
     Fault::Touched, Fault::Touched,
     "the probe touched something, or a tool the tool setter, while nobody probed: move away, and look at probe, program and work";
 

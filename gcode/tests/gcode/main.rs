@@ -12,6 +12,7 @@ mod memory;
 mod motion;
 mod names;
 mod offsets;
+mod orientation;
 mod polar;
 mod probing;
 mod refusals;

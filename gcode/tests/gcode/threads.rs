@@ -307,7 +307,7 @@ fn a_surface_speed_is_of_the_radius_about_x0() {
         Spindle {
             turning: Turning::Off,
             speed: 0.0,
-            surface: None
+            ..Spindle::default()
         }
     );
 }

@@ -38,6 +38,7 @@ mod messages;
 mod mixed;
 mod operations;
 mod operator;
+mod oriented;
 mod own_homing;
 mod pages;
 mod point_to_point;

@@ -42,9 +42,10 @@ const DRAWN: f64 = 150.0;
 const DRAWN_PART: f64 = 0.3;
 /// The parts of the axes' acceleration and jerk that a reversal of the spindle may ask for.
 const REVERSAL: [f64; 2] = [0.5, 0.3];
-/// The part of the spindle's own ramp that it may ask for; in no less than so long, s, it comes to that.
+/// The part of the spindle's own ramp that a speed may ask for that changes smoothly.
 pub const RAMP_PART: f64 = 0.7;
-const LEAST_RISE: f64 = 0.08;
+/// In no less than so long, s, it comes to that.
+pub const LEAST_RISE: f64 = 0.08;
 /// A tap may go by this part of a lead beyond its end, where the spindle turns further until it stands than it should.
 pub const BEYOND: f64 = 0.25;
 

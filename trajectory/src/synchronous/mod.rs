@@ -13,5 +13,5 @@
 mod follower;
 mod observer;
 
-pub use follower::{BEYOND, Follower, LostStep, RAMP_PART, Tapping, Thread};
+pub use follower::{BEYOND, Follower, LEAST_RISE, LostStep, RAMP_PART, Tapping, Thread};
 pub use observer::{AngleObserver, RippleLimits, Turning};

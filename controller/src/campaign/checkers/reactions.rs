@@ -101,6 +101,7 @@ fn row(fault: &Fault) -> (Subject, Row) {
         Fault::Unreferenced(_) | Fault::Homing(..) => (Subject::Machine, ("unreferenced", OnPath)),
         Fault::Thread { .. } => (Subject::Machine, ("thread", OnPath)),
         Fault::SpindleSpeed { .. } => (Subject::Machine, ("a spindle off its speed", OnPath)),
+        Fault::SpindleAngle { .. } => (Subject::Machine, ("a spindle off its angle", OnPath)),
         Fault::Probing { .. } | Fault::Touched => (Subject::Machine, ("probing", OnPath)),
     }
 }

@@ -70,7 +70,7 @@ pub(super) fn values(model: &Model) -> [(&'static str, String); 8] {
     // By G96 it is a speed with any number of places.
     let turns = (status.spindle.speed * 10.0).round() / 10.0;
     let turning = match status.spindle.turning {
-        Turning::Off => "off".to_owned(),
+        Turning::Off => (status.spindle.orientation).map_or("off".to_owned(), |it| it.to_string()),
         Turning::Clockwise => format!("M3 S{turns}"),
         Turning::Counterclockwise => format!("M4 S{turns}"),
     };
