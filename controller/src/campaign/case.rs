@@ -91,6 +91,7 @@ impl Case {
         let mut programs: Vec<_> = programs.collect();
         program::go(&mut Dice::new(seed, 16), &machine, &mut programs);
         program::read_inputs(&mut Dice::new(seed, 18), &machine, &mut programs);
+        program::orient(&mut Dice::new(seed, 20), &machine, &mut programs);
         let dice = &mut Dice::new(seed, 2);
         let seconds = dice.between(DURATION.0, DURATION.1);
         let cycles = (seconds * 1e6 / f64::from(machine.cycle_us)) as u32;

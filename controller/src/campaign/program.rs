@@ -5,7 +5,7 @@
 //! before anything moves.
 
 use super::dice::{Dice, rounded};
-use super::machine::{AxisSpec, MachineSpec};
+use super::machine::{AxisSpec, MachineSpec, SpindleSpec};
 
 /// Decimals of a position in a program.
 const DECIMALS: usize = 4;
@@ -126,15 +126,9 @@ pub(super) fn read_inputs(dice: &mut Dice, machine: &MachineSpec, programs: &mut
     for program in &mut *programs {
         for _ in 0..dice.whole(0..=4) {
             let (letter, number) = *dice.pick(&inputs);
-            let place = dice.whole(1..=program.len() as u32) as usize;
-            // Where the cutter is compensated nothing may be asked, and nothing is read behind the end.
-            let before = program[..place].iter().rev();
-            let words = ["G40", "G41", "G42", "M2", "M30"];
-            let mut last =
-                before.filter_map(|line| words.iter().find(|word| line.contains(**word)));
-            if !matches!(last.next(), None | Some(&"G40")) {
+            let Some(place) = resting_place(dice, program) else {
                 continue;
-            }
+            };
             let asks = format!("M66 {letter}{number} L0");
             let reads = ["#<found> = #5399", "G4 P[0.01 * #5399 * #5399]"];
             program.insert(place, (*dice.pick(&reads)).to_owned());
@@ -143,6 +137,35 @@ pub(super) fn read_inputs(dice: &mut Dice, machine: &MachineSpec, programs: &mut
             }
         }
     }
+}
+
+/// Has programs orient a spindle whose angle is measured (M19), in between.
+pub(super) fn orient(dice: &mut Dice, machine: &MachineSpec, programs: &mut [Vec<String>]) {
+    if !machine
+        .spindle
+        .as_ref()
+        .is_some_and(SpindleSpec::is_measured)
+    {
+        return;
+    }
+    for program in &mut *programs {
+        for _ in 0..dice.whole(0..=2) {
+            let angle = dice.whole(0..=3600);
+            let way = *dice.pick(&["", " P0", " P1", " P2"]);
+            if let Some(place) = resting_place(dice, program) {
+                program.insert(place, format!("M19 R{}{way}", f64::from(angle) / 10.0));
+            }
+        }
+    }
+}
+
+/// A place in a program where the path may come to rest: not where the cutter is compensated, and not behind the end.
+fn resting_place(dice: &mut Dice, program: &[String]) -> Option<usize> {
+    let place = dice.whole(1..=program.len() as u32) as usize;
+    let before = program[..place].iter().rev();
+    let words = ["G40", "G41", "G42", "M2", "M30"];
+    let mut last = before.filter_map(|line| words.iter().find(|word| line.contains(**word)));
+    matches!(last.next(), None | Some(&"G40")).then_some(place)
 }
 
 /// Where a simulated axis stands when it is switched on.

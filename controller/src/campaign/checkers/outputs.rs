@@ -5,6 +5,7 @@
 //! goes on to a later one that looks as the outputs do, over such alone as are too short to be seen.
 
 use super::super::interference::{Interference, ToDrive};
+use super::super::machine::FASTEST;
 use super::script::{Reading, Script, Switched};
 use super::{Checker, Found, Scene};
 use crate::control::{self, Outcome, State};
@@ -101,9 +102,10 @@ struct Job {
 }
 
 impl What {
-    /// What it puts out where so much is switched.
-    fn value(&self, switched: &Switched) -> i32 {
-        match self {
+    /// What it puts out where so much is switched; `None`: whatever holds a spindle at an angle.
+    fn value(&self, switched: &Switched) -> Option<i32> {
+        let value = match self {
+            Self::Speed { .. } if switched.is_oriented => return None,
             Self::Digital { active_low, switch } => {
                 let on = match *switch {
                     OutputSwitch::Program(number) => switched.digital >> number & 1 != 0,
@@ -131,6 +133,18 @@ impl What {
                     Some(true) => (-speed).round() as i32,
                 }
             }
+        };
+        Some(value)
+    }
+
+    /// Whether it may put that out where so much is switched.
+    fn allows(&self, switched: &Switched, value: i32) -> bool {
+        match (self, self.value(switched)) {
+            (_, Some(right)) => value == right,
+            (Self::Speed { units }, None) => {
+                f64::from(value).abs() <= f64::from(FASTEST) * units.abs()
+            }
+            (Self::Digital { .. } | Self::Analog { .. }, None) => false,
         }
     }
 
@@ -381,8 +395,8 @@ impl Outputs {
         let looks = |state: &Switched| {
             self.groups[group].iter().all(|output| {
                 let output = &self.outputs[*output];
-                let value = output.what.value(state);
-                output.is_by_hand.is_some() || output.latched.is_none_or(|it| it == value)
+                let is_right = |it| output.what.allows(state, it);
+                output.is_by_hand.is_some() || output.latched.is_none_or(is_right)
             })
         };
         let (cycle, calm) = (scene.period(), is_calm(scene));

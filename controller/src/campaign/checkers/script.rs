@@ -13,6 +13,8 @@ const SAME: f64 = 1e-6;
 pub(super) struct Switched {
     /// The spindle turns: the other way (M4), or not.
     pub(super) turns: Option<bool>,
+    /// It is held at an angle instead (M19).
+    pub(super) is_oriented: bool,
     /// S, 1/min.
     pub(super) speed: f64,
     /// M7 and M8.
@@ -24,6 +26,12 @@ pub(super) struct Switched {
 }
 
 impl Switched {
+    /// Turns the spindle, or not; then it may be oriented.
+    fn turn(&mut self, turns: Option<bool>, is_oriented: bool) {
+        self.turns = turns;
+        self.is_oriented = is_oriented;
+    }
+
     /// Switches the output with this P.
     pub(super) fn put(&mut self, number: u8, on: bool) {
         let bit = 1_u64.checked_shl(number.into()).unwrap_or(0);
@@ -111,7 +119,10 @@ impl Script {
             }
         }
         if reader.ended || reading.is_program && !reader.script.is_open {
-            reader.switch(|it| (it.turns, it.coolant) = (None, [false; 2]));
+            reader.switch(|it| {
+                it.turn(None, false);
+                it.coolant = [false; 2];
+            });
         }
         reader.script
     }
@@ -271,8 +282,8 @@ impl Reader<'_> {
         for (_, code) in codes {
             let code = (*code)? as u32;
             match code {
-                3 | 4 => self.switch(|it| it.turns = Some(code == 4)),
-                5 => self.switch(|it| it.turns = None),
+                3 | 4 => self.switch(|it| it.turn(Some(code == 4), false)),
+                5 | 19 => self.switch(|it| it.turn(None, code == 19)),
                 7 => self.switch(|it| it.coolant[0] = true),
                 8 => self.switch(|it| it.coolant[1] = true),
                 9 => self.switch(|it| it.coolant = [false; 2]),

@@ -103,9 +103,15 @@ pub struct SpindleSpec {
 }
 
 /// No program asks for more, 1/min.
-const FASTEST: u32 = 10_000;
+pub(super) const FASTEST: u32 = 10_000;
 
 impl SpindleSpec {
+    /// Whether its drive tells the spindle's angle.
+    pub(super) fn is_measured(&self) -> bool {
+        let mut models = MODELS.iter();
+        models.any(|model| model.name == self.model && model.moves_axes())
+    }
+
     fn write(&self, text: &mut String) {
         let Self {
             bus,
