@@ -1,7 +1,9 @@
 //! A running program: its commands pushed into the planner, the planner's handed out as instructions.
 
 use super::feed::{feed, programmed_speed};
-use super::moves::{MoveSource, ON_THE_PATH, ProgramMove, ProgramStop, Step, Upcoming};
+use super::moves::{
+    MoveSource, ON_THE_PATH, ProgramMove, ProgramStop, Step, Upcoming, path_control_mode,
+};
 use super::threads::Threads;
 use super::{Entered, Left, Program, ProgramError, Scale, UserCodes, place};
 use crate::control::event::describe_leg;
@@ -15,7 +17,7 @@ use std::collections::VecDeque;
 use std::mem::take;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use syncline_gcode::{self as gcode, Action, Interpreter, PathMode, Tables, TablesError};
+use syncline_gcode::{self as gcode, Action, Interpreter, Tables, TablesError};
 use syncline_trajectory::limits::PositionLimits;
 use syncline_trajectory::path::{
     Command as PathCommand, Curve, Feed, Limits, Move, PathControlMode, PathItem, Planner,
@@ -100,23 +102,6 @@ enum Opening {
     Act(Box<Action>),
     /// The spindle has its speed before the axes move.
     AtSpeed,
-}
-
-/// How moves are left in this mode.
-fn path_control_mode(mode: PathMode, tolerances: PathTolerances, scale: f64) -> PathControlMode {
-    match mode {
-        PathMode::ExactStop => PathControlMode::Stop,
-        PathMode::ExactPath => PathControlMode::Exact(tolerances.exact),
-        PathMode::Blend { tolerance, merge } => {
-            let tolerance = tolerance.map_or(tolerances.blend, |programmed| programmed * scale);
-            merge.map_or(PathControlMode::Blend(tolerance), |within| {
-                PathControlMode::Merge {
-                    tolerance,
-                    within: within * scale,
-                }
-            })
-        }
-    }
 }
 
 /// Whether the spindle turns where a program is begun in its middle.
@@ -383,22 +368,7 @@ impl Feeder {
                 self.spins_up |= spindle.surface.is_some() && turns;
             }
             Action::Dwell { seconds } => self.rest(*seconds + self.settling, command.span)?,
-            Action::Stop(stop) => {
-                let reason = match *stop {
-                    gcode::Stop::Program => Pause::ProgramStop,
-                    gcode::Stop::Optional => Pause::OptionalStop,
-                    gcode::Stop::ToolChange { tool } => Pause::ToolChange(tool),
-                };
-                if let gcode::Stop::ToolChange { tool } = *stop {
-                    let tools = &self.interpreter.tables().tools;
-                    let name = tools.get(&tool).map(|tool| tool.name.clone());
-                    if let Some(name) = name.filter(|name| !name.is_empty()) {
-                        self.tell(line, format!("tool {tool}: {name}"));
-                    }
-                    self.switch(line, Switch::Tool(tool));
-                }
-                self.stop_then(StopPoint::Pause { reason, line });
-            }
+            Action::Stop(stop) => self.take_stop(*stop, line),
             Action::AwaitInput(wait) => self.awaited = Some((*wait, line)),
             Action::TakeInput(input) => {
                 let input = *input;
@@ -446,22 +416,42 @@ impl Feeder {
                 self.path_control_mode =
                     path_control_mode(*mode, self.tolerances, self.scale.tolerance);
             }
-            Action::End => {
-                // The end of a program switches off, that of typed lines does not.
-                let before = self.interpreter.modes().clone();
-                let left = self.interpreter.memory();
-                if left.modes().spindle != before.spindle {
-                    self.switch(line, Switch::Spindle(left.modes().spindle));
-                }
-                if left.modes().coolant != before.coolant {
-                    self.switch(line, Switch::Coolant(left.modes().coolant));
-                }
-                self.stop_then(StopPoint::End);
-            }
+            Action::End => self.take_end(line),
             _ => {}
         }
         self.ended |= command.action == Action::End;
         Ok(())
+    }
+
+    /// A stop that an operator ends; a tool is told by its name.
+    fn take_stop(&mut self, stop: gcode::Stop, line: u32) {
+        let reason = match stop {
+            gcode::Stop::Program => Pause::ProgramStop,
+            gcode::Stop::Optional => Pause::OptionalStop,
+            gcode::Stop::ToolChange { tool } => Pause::ToolChange(tool),
+        };
+        if let gcode::Stop::ToolChange { tool } = stop {
+            let tools = &self.interpreter.tables().tools;
+            let name = tools.get(&tool).map(|tool| tool.name.clone());
+            if let Some(name) = name.filter(|name| !name.is_empty()) {
+                self.tell(line, format!("tool {tool}: {name}"));
+            }
+            self.switch(line, Switch::Tool(tool));
+        }
+        self.stop_then(StopPoint::Pause { reason, line });
+    }
+
+    /// The end of a program switches off, that of typed lines does not.
+    fn take_end(&mut self, line: u32) {
+        let before = self.interpreter.modes().clone();
+        let left = self.interpreter.memory();
+        if left.modes().spindle != before.spindle {
+            self.switch(line, Switch::Spindle(left.modes().spindle));
+        }
+        if left.modes().coolant != before.coolant {
+            self.switch(line, Switch::Coolant(left.modes().coolant));
+        }
+        self.stop_then(StopPoint::End);
     }
 
     /// Comes to rest, and has the cycle probe from there.

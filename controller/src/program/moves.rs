@@ -2,21 +2,42 @@
 
 use super::feed::{feed, programmed_speed};
 use crate::control::PointToPoint;
-use crate::machine::{COORDINATES, Position};
+use crate::machine::{COORDINATES, PathTolerances, Position};
 use crossbeam::channel::{self, Receiver, Sender};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Weak};
-use syncline_gcode::{self as gcode, Action, Modes, Place, WorkCoordinates};
+use syncline_gcode::{self as gcode, Action, Modes, PathMode, Place, WorkCoordinates};
 use syncline_trajectory::path::curve::ArcDefinition;
 use syncline_trajectory::path::segment_fitting::MoveEnd;
-use syncline_trajectory::path::{Curve, CurveError, Line, Plane};
+use syncline_trajectory::path::{Curve, CurveError, Line, PathControlMode, Plane};
 
 /// Rounding of a setpoint on a curve, mm.
 pub(super) const ON_THE_PATH: f64 = 1e-9;
 
 /// So near to the end of a move the path rests at it, mm.
 const AT: f64 = 1e-6;
+
+/// How moves are left in this mode.
+pub(super) fn path_control_mode(
+    mode: PathMode,
+    tolerances: PathTolerances,
+    scale: f64,
+) -> PathControlMode {
+    match mode {
+        PathMode::ExactStop => PathControlMode::Stop,
+        PathMode::ExactPath => PathControlMode::Exact(tolerances.exact),
+        PathMode::Blend { tolerance, merge } => {
+            let tolerance = tolerance.map_or(tolerances.blend, |programmed| programmed * scale);
+            merge.map_or(PathControlMode::Blend(tolerance), |within| {
+                PathControlMode::Merge {
+                    tolerance,
+                    within: within * scale,
+                }
+            })
+        }
+    }
+}
 
 /// One programmed move, as recorders and checkers need it.
 #[derive(Clone, Debug)]

@@ -4,9 +4,12 @@ use super::outside::{root, sources};
 use std::fs;
 
 /// The folders that the rule is for.
-const FOLDERS: [&str; 5] = [
+const FOLDERS: [&str; 8] = [
+    "gcode/src",
     "trajectory/src/path",
     "controller/src/control",
+    "controller/src/program",
+    "controller/src/run",
     "controller/src/session",
     "controller/src/observe",
     "controller/src/commands",
