@@ -5,6 +5,7 @@ mod bench;
 mod campaign;
 mod check;
 mod compare;
+mod crates;
 mod described;
 mod eds;
 mod examples;
