@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use syncline_drives::mechanics::drive_train::DriveTrain;
 use syncline_drives::twin::lxm32m::TwinConfig;
 use syncline_drives::twin::servo::motor::{MOTORS, Motor};
-use syncline_drives::twin::{Config, DrivenAxis, SimulatedDevice};
+use syncline_drives::twin::{Config, Disturbance, DrivenAxis, ErrorClass, SimulatedDevice};
 
 fn signed(bench: &mut Bench, index: u16, sub: u8) -> f64 {
     let bytes = bench.read(1, index, sub).unwrap();
@@ -107,4 +107,108 @@ fn limits_that_hold_are_told() {
     assert_eq!(bench.number(1, 0x301C, 0x1E), 571);
     assert_eq!(bench.number(1, 0x301C, 0x27), 525);
     assert_eq!(bench.number(1, 0x300D, 0x16), 140);
+}
+
+/// A heavy load is driven and braked: its power, and what the braking resistor takes of it (2509, 2514-2516).
+#[test]
+fn the_braking_resistor_takes_what_a_heavy_load_gives_back() {
+    let load = 0.012;
+    let config = Config {
+        axis: Some(DrivenAxis {
+            motor: Motor::default(),
+            train: DriveTrain {
+                load_inertia: load,
+                ..DriveTrain::default()
+            },
+        }),
+        ..Config::new(id(1))
+    };
+    let mut bench = enabled(TwinConfig::from(&config), 3);
+    let read = |bench: &mut Bench, sub| signed(bench, 0x301C, sub);
+    set(&mut bench, 0x6083, 0, 2000);
+    set(&mut bench, 0x6084, 0, 2000);
+    set(&mut bench, 0x60FF, 0, 2000);
+    bench.wait(ms(1000));
+    assert!(read(&mut bench, 0x0E) > 20.0);
+    assert_eq!(
+        [0x13, 0x14, 0x15].map(|sub| read(&mut bench, sub)),
+        [0.0; 3]
+    );
+    bench.wait(ms(1000));
+    set(&mut bench, 0x60FF, 0, 0);
+    let (mut most, mut loaded) = (0.0_f64, 0.0_f64);
+    for _ in 0..150 {
+        bench.wait(ms(10));
+        most = most.max(read(&mut bench, 0x13));
+        loaded = loaded.max(read(&mut bench, 0x14));
+    }
+    // The energy of the load, over what it takes 20 s to shed.
+    let speed = 2000.0 / 60.0 * std::f64::consts::TAU;
+    let expected = 100.0 * 0.5 * load * speed * speed / (100.0 * 20.0);
+    assert!(
+        most > 0.3 * expected && most < expected,
+        "{most} % of at most {expected} %"
+    );
+    assert!(loaded > 50.0, "{loaded} %");
+    assert_eq!(read(&mut bench, 0x15), most);
+    assert_eq!(bench.number(1, 0x3010, 9), 100);
+    bench.wait(ms(60_000));
+    assert_eq!(read(&mut bench, 0x13), 0.0);
+    assert_eq!(read(&mut bench, 0x15), most);
+}
+
+/// The error memory has what was measured as the error came (2677-2687), until it is cleared (2669).
+#[test]
+fn an_error_is_remembered_with_what_was_measured() {
+    let mut bench = drive(3);
+    let entry =
+        |bench: &mut Bench| [1, 2, 5, 6, 7, 8, 9, 0xA, 0xB].map(|sub| bench.number(1, 0x303C, sub));
+    assert_eq!(entry(&mut bench), [0; 9]);
+    bench.controlword(1, 0x0000);
+    bench.wait(ms(2000));
+    for word in [0x0006, 0x000F] {
+        bench.controlword(1, word);
+    }
+    set(&mut bench, 0x60FF, 0, 1000);
+    bench.wait(ms(3500));
+    let current = bench.twin().observe().torque.abs() / 0.8;
+    bench
+        .twin()
+        .disturb(Disturbance::Fault(ErrorClass::SwitchOff));
+    bench.wait(ms(1));
+    let bus = bench.number(1, 0x301C, 0x0F);
+    let [
+        number,
+        class,
+        cycles,
+        time,
+        voltage,
+        velocity,
+        amperes,
+        stage,
+        device,
+    ] = entry(&mut bench);
+    assert_eq!((number, class, cycles), (0xA320, 3, 2));
+    assert_eq!((time, voltage, stage, device), (3, bus, 25, 25));
+    assert!(velocity.abs_diff(1000) <= 1, "{velocity}");
+    let amperes = 0.01 * f64::from(amperes);
+    assert!((amperes - current).abs() < 0.03, "{amperes} {current}");
+    set(&mut bench, 0x303B, 4, 1);
+    assert_eq!(entry(&mut bench), [0; 9]);
+    assert_eq!(bench.number(1, 0x303C, 3), 0);
+}
+
+/// The reference's velocity and acceleration that are fed forward (2572, 2573).
+#[test]
+fn what_is_fed_forward_is_told() {
+    let mut bench = drive(3);
+    set(&mut bench, 0x6083, 0, 3000);
+    set(&mut bench, 0x60FF, 0, 1500);
+    bench.wait(ms(300));
+    let told = |bench: &mut Bench, sub| signed(bench, 0x301F, sub);
+    let velocity = told(&mut bench, 7);
+    assert!((velocity - 900.0).abs() <= 10.0, "{velocity}");
+    assert!((told(&mut bench, 9) - 3000.0).abs() <= 30.0);
+    bench.wait(ms(500));
+    assert_eq!([7, 9].map(|sub| told(&mut bench, sub)), [1500.0, 0.0]);
 }

@@ -1,6 +1,7 @@
 //! The drive behind the CANopen node: loops, monitoring, what its objects show.
 
 use super::fault::DriveError;
+use super::measured::Means;
 use super::modes::{Gear, Homing, Interpolation, Jog, Mode, ProfilePosition, Sequence};
 use super::motion::Motion;
 use super::parameter_sets::ParameterSet;
@@ -80,6 +81,10 @@ pub struct Drive {
     pub(super) switching_off: Option<SwitchingOff>,
     /// How long its motor's holding brake takes to close.
     pub(super) brake_closing: Duration,
+    /// How often the power stage has gone on, and when it did last.
+    pub(super) enable_cycles: i64,
+    pub(super) enabled_at: Option<Instant>,
+    pub(super) means: Means,
     /// Greatest deviation by load since the power stage went on, increments.
     pub(super) peak_deviation: f64,
     pub(super) x_err: bool,
@@ -147,6 +152,9 @@ impl Drive {
             windows: Windows::default(),
             switching_off: None,
             brake_closing,
+            enable_cycles: 0,
+            enabled_at: None,
+            means: Means::default(),
             peak_deviation: 0.0,
             x_err: false,
             x_end: true,
@@ -393,6 +401,11 @@ impl Drive {
             (rows.profile_target, target),
             (rows.profile_position, user_reference),
             (rows.profile_velocity_target, target_velocity),
+            (rows.feed_forward_velocity, ramp_velocity),
+            (
+                rows.feed_forward_acceleration,
+                libm::round(self.acceleration / self.acceleration_of(1)) as i64,
+            ),
             (rows.pulse_position, self.pulses.position as i64),
             (rows.pulse_velocity, self.pulses.frequency as i64),
             (rows.sequence_data_set, self.sequence.active_number()),
@@ -513,6 +526,8 @@ impl ServoFirmware for Drive {
     }
 
     fn switched_on(&mut self) {
+        self.enable_cycles += 1;
+        self.enabled_at = Some(self.servo.now);
         self.ramp = Ramp::at(self.servo.loops.encoder as f64);
         self.motion = Motion::Hold;
         self.x_err = false;

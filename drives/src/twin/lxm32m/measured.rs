@@ -9,6 +9,7 @@ use crate::twin::servo::firmware::ServoFirmware;
 use crate::twin::servo::motor::Motor;
 use crate::twin::servo::power_stage::{DcBus, PowerStage};
 use core::f64::consts::TAU;
+use syncline_canopen::Instant;
 use syncline_canopen::dictionary::Row;
 
 /// Units: 0.1 V, 0.01 Ω, 0.01 mH, 0.01 N·m, g·cm², rev/s of an rpm, a millisecond, of 1 %.
@@ -30,6 +31,44 @@ const STAGE_WARNING: f64 = 90.0;
 
 /// Revolutions that the encoder tells apart.
 const TURNS: i64 = 4096;
+
+/// What the braking resistor stands for ever, W, and in how long it grows warm, s: assumptions, of a small built-in one.
+const RESISTOR_POWER: f64 = 100.0;
+const RESISTOR_TIME: f64 = 20.0;
+
+/// The time constant of the mean output power and of the resistor's load, s: an assumption.
+const POWER_TIME: f64 = 1.0;
+
+/// What is a mean over time, as of an instant.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Means {
+    at: Instant,
+    /// What the braking resistor had taken by then, J.
+    braked: f64,
+    /// What it takes in the mean, W, and its I²t, of 1.
+    resistor_power: f64,
+    resistor_overload: f64,
+    /// Mean output power, W.
+    power: f64,
+}
+
+impl Means {
+    /// Comes to an instant, at which the motor gives that power, and the resistor has taken so much.
+    fn advance(&mut self, now: Instant, power: f64, braked: f64) {
+        if now <= self.at {
+            return;
+        }
+        let dt = (now - self.at).as_secs_f64();
+        self.at = now;
+        let braking = (braked - self.braked) / dt;
+        self.braked = braked;
+        let share = |time: f64| 1.0 - libm::exp(-dt / time);
+        self.power += (power - self.power) * share(POWER_TIME);
+        self.resistor_power += (braking - self.resistor_power) * share(POWER_TIME);
+        let load = braking / RESISTOR_POWER;
+        self.resistor_overload += (load - self.resistor_overload) * share(RESISTOR_TIME);
+    }
+}
 
 impl Drive {
     fn stage(&self) -> Option<&PowerStage> {
@@ -87,6 +126,7 @@ impl Drive {
             (rows.stage_temperature_warning, STAGE_WARNING, 1.0),
             (rows.stage_temperature_most, STAGE_MOST, 1.0),
             (rows.resistor_resistance, bus.resistance, RESISTANCE),
+            (rows.resistor_power, RESISTOR_POWER, 1.0),
             (rows.system_current_most, peak / constant, CURRENT),
         ];
         for (row, value, unit) in figures {
@@ -113,13 +153,25 @@ impl Drive {
         let load = current.abs() * constant / continuous;
         let speed = self.actual_velocity() / INCREMENTS_PER_REVOLUTION;
         let most = gains.speed_limit * INCREMENTS_PER_REVOLUTION;
+        let power = torque * speed * TAU;
+        let braked = self.stage().map_or(0.0, PowerStage::braked);
+        self.means.advance(self.servo.now, power, braked);
+        let Means {
+            resistor_power,
+            resistor_overload,
+            power: mean,
+            ..
+        } = self.means;
         let encoder = self.servo.loops.encoder;
         let within = encoder.rem_euclid(TURNS * INCREMENTS_PER_REVOLUTION as i64);
         let shown = [
             (rows.current_q, current, CURRENT),
             (rows.current, current.abs(), CURRENT),
             (rows.current_q_reference, wanted, CURRENT),
-            (rows.power, torque * speed * TAU, 1.0),
+            (rows.power, power, 1.0),
+            (rows.power_mean, mean.max(0.0), 1.0),
+            (rows.resistor_load, resistor_power / RESISTOR_POWER, PERCENT),
+            (rows.resistor_overload, resistor_overload, PERCENT),
             (rows.motor_load, load, PERCENT),
             (
                 rows.stage_load,
@@ -175,6 +227,7 @@ impl Drive {
         for [now, peak] in [
             [rows.motor_overload, rows.motor_overload_peak],
             [rows.drive_overload, rows.drive_overload_peak],
+            [rows.resistor_overload, rows.resistor_overload_peak],
         ] {
             let most = self.objects.get(now).max(self.objects.get(peak));
             self.objects.set(peak, most);

@@ -172,8 +172,13 @@ rows! {
     stage_temperature_warning = 0x3010:0x06;
     stage_temperature_most = 0x3010:0x07;
     resistor_resistance = 0x3010:0x08;
+    resistor_power = 0x3010:0x09;
     operating_time = 0x301C:0x0A;
     power = 0x301C:0x0D;
+    power_mean = 0x301C:0x0E;
+    resistor_overload = 0x301C:0x13;
+    resistor_load = 0x301C:0x14;
+    resistor_overload_peak = 0x301C:0x15;
     stage_temperature = 0x301C:0x10;
     motor_temperature = 0x301C:0x11;
     device_temperature = 0x301C:0x12;
@@ -235,6 +240,13 @@ rows! {
     memory_number = 0x303C:0x01;
     memory_class = 0x303C:0x02;
     memory_time = 0x303C:0x03;
+    memory_enable_cycles = 0x303C:0x05;
+    memory_enable_time = 0x303C:0x06;
+    memory_bus_voltage = 0x303C:0x07;
+    memory_velocity = 0x303C:0x08;
+    memory_current = 0x303C:0x09;
+    memory_stage_temperature = 0x303C:0x0A;
+    memory_device_temperature = 0x303C:0x0B;
     event_mask_1 = 0x3041:0x0B;
     event_mask_2 = 0x3041:0x0C;
     event_mask_3 = 0x3041:0x0D;
@@ -296,4 +308,6 @@ rows! {
     profile_target = 0x301F:0x01;
     profile_position = 0x301F:0x02;
     profile_velocity_target = 0x301F:0x05;
+    feed_forward_velocity = 0x301F:0x07;
+    feed_forward_acceleration = 0x301F:0x09;
 }

@@ -186,13 +186,52 @@ impl Drive {
         }
     }
 
-    /// Enters an error in the error memory, whose newest entry alone can be read here: how the
-    /// others are reached is not in the manual at hand.
+    /// Enters an error in the error memory, with what is measured at that instant (lxm32m 2677-2687). Its newest entry
+    /// alone can be read here: how the others are reached is not in the manual at hand.
     pub(super) fn remember(&mut self, number: i64, class: i64) {
+        self.publish_measured();
         let rows = self.rows;
-        self.objects.set(rows.memory_number, number);
-        self.objects.set(rows.memory_class, class);
-        let seconds = self.servo.now.as_nanos() / 1_000_000_000;
-        self.objects.set(rows.memory_time, seconds as i64);
+        let seconds = |time: Duration| (time.as_nanos() / 1_000_000_000) as i64;
+        let since_enabled = self.enabled_at.map_or(0, |at| seconds(self.servo.now - at));
+        let most = i64::from(u16::MAX);
+        let velocity = self.user_velocity(self.actual_velocity());
+        let measured = |row| self.objects.get(row);
+        let entry = [
+            number,
+            class,
+            seconds(self.servo.now - Instant::ZERO),
+            self.enable_cycles.min(most),
+            since_enabled.min(most),
+            measured(rows.bus_voltage),
+            velocity,
+            measured(rows.current),
+            measured(rows.stage_temperature),
+            measured(rows.device_temperature),
+        ];
+        self.set_error_memory(entry);
+    }
+
+    /// Clears the error memory (303Bh:4).
+    pub(super) fn forget_errors(&mut self) {
+        self.set_error_memory([0; 10]);
+    }
+
+    fn set_error_memory(&mut self, entry: [i64; 10]) {
+        let rows = self.rows;
+        let rows = [
+            rows.memory_number,
+            rows.memory_class,
+            rows.memory_time,
+            rows.memory_enable_cycles,
+            rows.memory_enable_time,
+            rows.memory_bus_voltage,
+            rows.memory_velocity,
+            rows.memory_current,
+            rows.memory_stage_temperature,
+            rows.memory_device_temperature,
+        ];
+        for (row, value) in rows.into_iter().zip(entry) {
+            self.objects.set(row, value);
+        }
     }
 }

@@ -307,7 +307,7 @@ impl Drive {
             self.objects.forget(|entry| entry.persistent);
         } else if row == rows.clear_error_memory && value == 1 {
             self.objects.set(row, 0);
-            self.remember(0, 0);
+            self.forget_errors();
         } else {
             self.data_set_written(row);
             self.parameter_written(row);
