@@ -127,19 +127,6 @@ impl Profile {
         profile
     }
 
-    /// A profile of `segments` after `start`, or `None` where they are more than
-    /// [`Profile::CAPACITY`] or a duration is negative or not finite.
-    pub fn from_segments(start: State, segments: &[Segment]) -> Option<Self> {
-        let mut profile = Profile::new(start);
-        let sound = |s: &Segment| s.duration >= 0.0 && s.duration.is_finite() && s.jerk.is_finite();
-        for segment in segments {
-            if !sound(segment) || !profile.push(*segment) {
-                return None;
-            }
-        }
-        Some(profile)
-    }
-
     /// Appends a segment; one without duration adds nothing. `false` where the array is full.
     #[inline]
     #[must_use]
@@ -541,12 +528,6 @@ mod tests {
             duration: 1.0,
             jerk: 0.0
         }));
-        assert!(Profile::from_segments(p.start(), p.segments()).is_some());
-        let negative = [Segment {
-            duration: -1.0,
-            jerk: 0.0,
-        }];
-        assert!(Profile::from_segments(State::default(), &negative).is_none());
     }
 
     #[test]

@@ -167,12 +167,6 @@ impl RigidBeam {
         self.skew
     }
 
-    /// Torque with which guides and frame hold it square, N·m.
-    #[must_use]
-    pub fn racking_torque(&self) -> f64 {
-        self.racking.stiffness * self.skew + self.racking.damping * self.skew_rate
-    }
-
     /// Where a carriage is whose motor moves so.
     fn carried(&self, carriage: &Carriage, motor: &Motion) -> Carried {
         let along = (motor.position - carriage.middle) * carriage.travel;
@@ -511,7 +505,7 @@ mod tests {
         let moment = 0.5 * BEAM.span * 0.5 / RADIUS;
         let settled = (0..200_000).map(|_| {
             beam.step(DT, &loads(torques), &mut motions);
-            beam.racking_torque()
+            beam.racking.stiffness * beam.skew + beam.racking.damping * beam.skew_rate
         });
         assert_close(settled.last().unwrap(), moment);
     }
