@@ -15,7 +15,7 @@
 //! What the bus carries besides in motion: a heartbeat a node and one of the controller's, which are
 //! less urgent than PDOs and so only block, one at each of the two places (another one waits until the
 //! PDOs are through); and EMCY messages, which are more urgent than PDOs and go before them, at a
-//! stated rate of one a cycle. T_PDOs that come by event, each once a cycle at most, may stand at both places, all at once.
+//! stated rate of one a cycle. T_PDOs that come by event, each as often as its node says, may stand at both places, all at once.
 //! A machine that holds its deadlines with heartbeats but not with an EMCY
 //! besides fits with a warning: a node that sends one has stopped or is to be stopped, and what it
 //! costs is one T_PDO or one burst, which is counted. SDO is kept out of motion by the controller;
@@ -54,7 +54,7 @@ pub enum Direction {
     Receive,
 }
 
-/// One PDO that travels once a cycle of its node.
+/// One PDO that travels in each cycle of its node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pdo {
     /// Who sends it.
@@ -83,8 +83,17 @@ pub struct NodeTraffic {
     pub response: Duration,
     /// Its cyclic PDOs.
     pub pdos: Vec<Pdo>,
-    /// Its T_PDOs come when they like, each once in a cycle at most, and not at SYNC.
-    pub by_event: bool,
+    /// When its T_PDOs come that do not come at SYNC.
+    pub events: Option<Events>,
+}
+
+/// How many times in a cycle each T_PDO of a node comes at most that comes by event.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Events {
+    /// Whenever they like; at least 1.
+    pub any_time: u32,
+    /// Besides, behind the node's R_PDO of the cycle.
+    pub behind_r_pdo: u32,
 }
 
 impl NodeTraffic {
@@ -108,7 +117,15 @@ impl NodeTraffic {
                     bytes,
                 },
             ],
-            by_event: false,
+            events: None,
+        }
+    }
+
+    /// How many times in a cycle a PDO of it travels at most.
+    fn times(&self, pdo: Pdo) -> u32 {
+        match pdo.direction {
+            Direction::Transmit => self.events.map_or(1, |it| it.any_time + it.behind_r_pdo),
+            Direction::Receive => 1,
         }
     }
 }
@@ -144,6 +161,8 @@ pub struct PdoTime {
     pub pdo: Pdo,
     /// Worst-case bits on the wire.
     pub bits: u32,
+    /// How many times in a cycle it travels at most.
+    pub times: u32,
     /// After SYNC's instant, when at the latest a T_PDO has come, an R_PDO begins; EMCY apart.
     /// `None`: no bound.
     pub latest: Option<Duration>,
@@ -225,7 +244,8 @@ impl Traffic {
     pub fn budget(&self) -> Budget {
         let sum = |direction| {
             let pdos = self.pdos().filter(|(_, pdo)| pdo.direction == direction);
-            pdos.map(|(_, pdo)| pdo.bits()).sum::<u32>()
+            let bits = pdos.map(|(node, pdo)| pdo.bits() * node.times(pdo));
+            bits.sum::<u32>()
         };
         let time = |bits| bit_time(bits, self.bit_rate);
         let sync_bits = worst_case_bits(CobId::SYNC.into(), 0);
@@ -264,6 +284,7 @@ impl Traffic {
                 node: node.node,
                 pdo,
                 bits: pdo.bits(),
+                times: node.times(pdo),
                 latest,
                 deadline,
             }
@@ -303,7 +324,7 @@ impl Traffic {
     fn bounds(&self, emcy: bool) -> Bounds {
         // Before SYNC: a heartbeat, the last of the burst, or a T_PDO that comes when it likes.
         let in_the_way = (self.pdos())
-            .filter(|(node, pdo)| pdo.direction == Direction::Receive || node.by_event)
+            .filter(|(node, pdo)| pdo.direction == Direction::Receive || node.events.is_some())
             .map(|(_, pdo)| pdo.bits())
             .fold(HEARTBEAT_BITS, u32::max);
         let sync_bits = worst_case_bits(CobId::SYNC.into(), 0);
@@ -351,17 +372,7 @@ impl Traffic {
                 (pdo, message)
             })
             .unzip();
-        // What comes when it likes may come with the burst, all at once.
-        let by_event = self.pdos().filter(|(node, pdo)| {
-            let comes = direction == Direction::Receive && node.by_event;
-            comes && pdo.direction == Direction::Transmit
-        });
-        messages.extend(by_event.map(|(node, pdo)| Message {
-            id: pdo.cob_id.into(),
-            bytes: pdo.bytes,
-            period: self.cycle * node.divider,
-            jitter: Duration::ZERO,
-        }));
+        messages.extend(self.events(direction));
         messages.extend(emcy.then_some(Message {
             id: CobId::emcy(FIRST_NODE).into(),
             bytes: 8,
@@ -370,6 +381,33 @@ impl Traffic {
         }));
         let responses = worst_case(&messages, HEARTBEAT_BITS, self.bit_rate);
         pdos.into_iter().zip(responses)
+    }
+
+    /// What comes by event in one of the cycle's legs and may all come at once; one of each is among the T_PDOs already.
+    fn events(&self, direction: Direction) -> impl Iterator<Item = Message> {
+        let burst = || {
+            let r_pdos = self
+                .pdos()
+                .filter(|(_, pdo)| pdo.direction == Direction::Receive);
+            r_pdos.map(|(node, pdo)| (pdo.cob_id.get(), node.node))
+        };
+        // What follows a node's R_PDO is in nobody's way where that is the last of the burst.
+        let last = burst().max().map(|(_, node)| node);
+        self.pdos().flat_map(move |(node, pdo)| {
+            let events = node.events.filter(|_| pdo.direction == Direction::Transmit);
+            let times = events.map_or(0, |it| match direction {
+                Direction::Transmit => it.any_time - 1,
+                Direction::Receive if last == Some(node.node) => it.any_time,
+                Direction::Receive => it.any_time + it.behind_r_pdo,
+            });
+            let message = Message {
+                id: pdo.cob_id.into(),
+                bytes: pdo.bytes,
+                period: self.cycle * node.divider,
+                jitter: Duration::ZERO,
+            };
+            (0..times).map(move |_| message)
+        })
     }
 
     fn slowest_response(&self) -> Duration {
@@ -462,10 +500,11 @@ impl fmt::Display for Verdict {
 impl fmt::Display for Budget {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let count = |direction| {
-            self.pdos
+            let pdos = self
+                .pdos
                 .iter()
-                .filter(|pdo| pdo.pdo.direction == direction)
-                .count()
+                .filter(|pdo| pdo.pdo.direction == direction);
+            pdos.map(|pdo| pdo.times).sum::<u32>()
         };
         write!(
             f,

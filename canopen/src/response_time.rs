@@ -33,7 +33,7 @@ pub const fn bit_time(bits: u32, bit_rate: u32) -> Duration {
 /// A periodic or sporadic frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Message {
-    /// Identifier, its priority; each may occur once.
+    /// Identifier, its priority. Of several frames with the same one, which come from one node, each may be the last.
     pub id: CanId,
     /// Data bytes, 0…8.
     pub bytes: u8,
@@ -74,8 +74,8 @@ pub fn worst_case(
     let outside = nanos(bit_time(blocking_bits, bit_rate));
     let longest = frames.iter().map(|frame| frame.period + frame.jitter).max();
     let horizon = LONGEST_BUSY_PERIODS * longest.unwrap_or(0);
-    (frames.iter())
-        .map(|this| response(this, &frames, outside, bit, horizon).map(Duration::from_nanos))
+    (0..frames.len())
+        .map(|place| response(place, &frames, outside, bit, horizon).map(Duration::from_nanos))
         .collect()
 }
 
@@ -109,18 +109,26 @@ fn nanos(time: Duration) -> u64 {
 
 /// Davis et al. 2007, equations 7 to 11.
 fn response(
-    this: &Analysed,
+    place: usize,
     frames: &[Analysed],
     outside: u64,
     bit: u64,
     horizon: u64,
 ) -> Option<u64> {
+    let this = &frames[place];
     let blocking = frames
         .iter()
         .filter(|other| other.urgency > this.urgency)
         .map(|other| other.length)
         .fold(outside, u64::max);
-    let more_urgent = || frames.iter().filter(|other| other.urgency < this.urgency);
+    let more_urgent = || {
+        let others = frames
+            .iter()
+            .enumerate()
+            .filter(|(other, _)| *other != place);
+        let others = others.map(|(_, other)| other);
+        others.filter(|other| other.urgency <= this.urgency)
+    };
 
     let busy = fixed_point(this.length, horizon, |window| {
         blocking

@@ -27,8 +27,11 @@ pub struct BusBudget {
     /// SDO requests that the controller sends in a cycle, with their answers, beside SYNC and PDOs; at
     /// least one, as none is sent while axes move.
     pub sdo_per_cycle: usize,
-    /// All that can be queued in one cycle of a whole run: what is in motion, and before and after
-    /// it SDO, whose answers may be those to the requests of two cycles.
+    /// All that can be queued in one cycle while axes move: SYNC, PDOs, every heartbeat, an EMCY, and a request by SDO with its
+    /// answer where a device is polled.
+    pub load_in_motion: Duration,
+    /// All that can be queued in one cycle of a whole run: before and after motion SDO, whose answers may be
+    /// those to the requests of two cycles.
     pub load: Duration,
     /// By how much SYNC may come late for the clocks of all its drives to follow it, if any has one that
     /// does.
@@ -257,9 +260,14 @@ impl BusBudget {
         let transfers = budget.sdo_transfers(answers.max().unwrap_or_default());
         // One at a time of each node.
         let sdo_per_cycle = transfers.min(nodes.len().max(1));
+        let poll = match is_polled {
+            true => bit_time(2 * BLOCKING_BITS, budget.bit_rate),
+            false => Duration::ZERO,
+        };
         let sdo = bit_time(3 * BLOCKING_BITS, budget.bit_rate) * sdo_per_cycle as u32;
         Self {
             bus: machine.buses[bus].name.clone(),
+            load_in_motion: budget.load + poll,
             load: budget.load + sdo,
             sdo_per_cycle,
             is_polled,
@@ -384,12 +392,16 @@ impl fmt::Display for BusBudget {
             let latest = pdo
                 .latest
                 .map_or_else(|| "no bound".into(), |it| Millis(it).to_string());
+            let times = match pdo.times {
+                1 => String::new(),
+                times => format!("{times}×"),
+            };
             writeln!(
                 f,
                 "  {kind}   {:<4}  {:03X}h   {:>4}  {event:>9} {latest:>9}   {:>9}",
                 pdo.node,
                 pdo.pdo.cob_id.get(),
-                pdo.bits,
+                format!("{times}{}", pdo.bits),
                 Millis(pdo.deadline).to_string()
             )?;
         }
@@ -441,7 +453,7 @@ impl fmt::Display for BusBudget {
                 "load",
                 format!(
                     "{:.1} % of a cycle at most in motion, {:.1} % with SDO",
-                    share(budget.load) * 100.0,
+                    share(self.load_in_motion) * 100.0,
                     share(self.load) * 100.0
                 ),
             ),

@@ -467,23 +467,26 @@ impl Rig {
     #[must_use]
     pub fn trace(&self) -> Trace {
         let mut axes = trace::axes(&self.machine);
-        let places: Vec<usize> = self
-            .layout
-            .axes
-            .iter()
-            .map(|axis| axis.coordinate)
-            .collect();
+        let specs = &self.layout.axes;
         let planned = |row: &&Row<COORDINATES>| {
-            let mut axes = places.iter().map(|&at| row.axes[at]);
+            let mut axes = specs.iter().map(|axis| row.axes[axis.coordinate]);
             axes.any(|axis| !axis.by_itself)
         };
         let rows: Vec<_> = self.rows.iter().filter(planned).collect();
-        for (trace, &at) in axes.iter_mut().zip(&places) {
-            let set = |row: &&Row<COORDINATES>| match row.axes[at].by_itself {
-                true => row.plan.position[at],
+        for (trace, axis) in axes.iter_mut().zip(specs) {
+            let at = axis.coordinate;
+            let delay = self.layout.devices[axis.drives[0]].delay;
+            let (whole, part) = (delay as usize, delay.fract());
+            // As it would be sent it: where its drive is faster than others, later.
+            let plan = |row: usize| {
+                let plan = |behind| rows[row.saturating_sub(behind)].plan.position[at];
+                plan(whole + 1) + (1.0 - part) * (plan(whole) - plan(whole + 1))
+            };
+            let set = |(place, row): (usize, &&Row<COORDINATES>)| match row.axes[at].by_itself {
+                true => plan(place),
                 false => row.axes[at].set,
             };
-            trace.set = rows.iter().map(set).collect();
+            trace.set = rows.iter().enumerate().map(set).collect();
             trace.act = rows.iter().map(|row| row.axes[at].act).collect();
         }
         Trace {

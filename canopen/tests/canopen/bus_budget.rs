@@ -3,7 +3,7 @@
 
 use proptest::prelude::*;
 use std::time::Duration;
-use syncline_canopen::budget::{Direction, NodeTraffic, Pdo, Traffic, Verdict};
+use syncline_canopen::budget::{Direction, Events, NodeTraffic, Pdo, Traffic, Verdict};
 use syncline_canopen::response_time::{Message, bit_time, worst_case, worst_case_bits};
 use syncline_canopen::{CanId, CobId, NodeId};
 
@@ -64,25 +64,65 @@ fn t_pdos_by_event_may_all_come_in_front_of_the_burst() {
         cob_id: CobId::t_pdo(number, node),
         bytes: 8,
     };
-    let with = |numbers: &[u8], by_event| {
+    let with = |numbers: &[u8], events| {
         let mut traffic = axes(2, 2);
         traffic.nodes.push(NodeTraffic {
             node,
             divider: 1,
             response: RESPONSE,
             pdos: numbers.iter().map(|number| pdo(*number)).collect(),
-            by_event,
+            events,
         });
         traffic.budget()
     };
-    let at_sync = with(&[1, 2], false);
+    let times = |any_time, behind_r_pdo| {
+        Some(Events {
+            any_time,
+            behind_r_pdo,
+        })
+    };
+    let at_sync = with(&[1, 2], None);
     assert_eq!(at_sync.latest_offset, axes(2, 2).budget().latest_offset);
     // R_PDO2 of the axes, 300h on, is behind both; the heartbeat in its way is none of them.
     for (numbers, frames) in [(&[1][..], 1), (&[1, 2], 2), (&[1, 2, 3], 3)] {
-        let budget = with(numbers, true);
+        let budget = with(numbers, times(1, 0));
         let earlier = at_sync.latest_offset - budget.latest_offset;
         let least = bit_time(135 * frames.min(2), 1_000_000);
         assert!(earlier >= least, "{numbers:?}: {earlier:?}");
+        // Each three times in a cycle: so many frames more, and none of them earlier.
+        let often = with(numbers, times(3, 0));
+        let more = bit_time(2 * 135 * numbers.len() as u32, 1_000_000);
+        assert_eq!(often.demand, budget.demand + more);
+        assert_eq!(often.load, budget.load + more);
+        assert!(often.latest_offset < budget.latest_offset && often.t_pdos_in > budget.t_pdos_in);
+    }
+}
+
+/// What an R_PDO causes comes behind it: not between SYNC and the burst, and in the burst's way only where others follow.
+#[test]
+fn t_pdos_behind_an_r_pdo_are_in_the_way_of_those_r_pdos_that_follow() {
+    let with = |id, behind_r_pdo| {
+        let mut traffic = axes(4, 4);
+        let node = NodeId::new(id).unwrap();
+        let one = traffic.nodes.iter_mut().find(|it| it.node == node).unwrap();
+        let t_pdo = one
+            .pdos
+            .iter_mut()
+            .find(|it| it.direction == Direction::Transmit);
+        t_pdo.unwrap().cob_id = CobId::t_pdo(1, node);
+        one.events = Some(Events {
+            any_time: 1,
+            behind_r_pdo,
+        });
+        traffic.budget()
+    };
+    for (id, follow) in [(1, true), (4, false)] {
+        let [none, two] = [0, 2].map(|behind| with(id, behind));
+        let more = bit_time(2 * 115, 1_000_000);
+        assert_eq!(two.load, none.load + more);
+        assert_eq!(two.t_pdos_in, none.t_pdos_in);
+        let earlier = none.latest_offset - two.latest_offset;
+        assert_eq!(earlier, if follow { more } else { Duration::ZERO });
     }
 }
 

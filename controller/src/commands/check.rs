@@ -110,7 +110,7 @@ fn describe(machine: &Machine, layout: &Layout) {
     println!("machine {}: {}", machine.name, axes.join(", "));
     for bus in &MachineBudget::of(machine).buses {
         let cycle = bus.budget.cycle;
-        let [demand, load] = [bus.budget.demand, bus.budget.load]
+        let [demand, load] = [bus.budget.demand, bus.load_in_motion]
             .map(|taken| 100.0 * taken.as_secs_f64() / cycle.as_secs_f64());
         println!(
             "bus {}: {} kbit/s, cycle {} µs, of which SYNC, PDOs and one other frame take {demand:.0} % in the worst case, all \

@@ -1249,14 +1249,17 @@ fn a_stepper_is_sent_velocities_only_where_something_stops_it() {
         ]
         .join("\n\n")
     );
-    // Beside four drives at 1 Mbit/s the answers to its polls need a longer cycle.
+    // Beside four drives at 1 Mbit/s its T_PDOs need a longer cycle, and beside slow ones so do the answers to its polls.
     let fits = |machine: Result<Machine, Invalid>| MachineBudget::of(&machine.unwrap()).check();
-    assert_eq!(
-        fits(parsed(&[("cycle_us = 2000", "cycle_us = 4000")])),
-        Ok(())
-    );
+    let cycle = ("cycle_us = 2000", "cycle_us = 4000");
+    assert_eq!(fits(parsed(&[cycle])), Ok(()));
+    assert!(matches!(fits(parsed(&[])), Err(DoesNotFit::Bus { .. })));
+    let slow = "[model.lxm32m]\nt_pdo_response_us = 2000\n\n[[bus]]";
     let bus = "portal".to_owned();
-    assert_eq!(fits(parsed(&[])), Err(DoesNotFit::Polls { bus }));
+    assert_eq!(
+        fits(parsed(&[cycle, ("[[bus]]", slow)])),
+        Err(DoesNotFit::Polls { bus })
+    );
 }
 
 /// What is told of the portal with this table, each with its line's text.

@@ -4,7 +4,7 @@ use super::profile::communication::{self, SDO_RESPONSE, T_PDO_RESPONSE};
 use super::{Address, Assumption, Model, Settings, Write};
 use core::{fmt, time::Duration};
 use syncline_canopen::NodeId;
-use syncline_canopen::budget::{NodeTraffic, Pdo};
+use syncline_canopen::budget::{Events, NodeTraffic, Pdo};
 
 /// A device on a bus as the controller knows it.
 ///
@@ -53,9 +53,11 @@ pub struct NodeSpec {
     pub release: Vec<Write>,
     /// The PDOs that the device sends.
     pub t_pdos: Vec<Pdo>,
-    /// It sends them in answer to every [`sync_divider`](Self::sync_divider)th SYNC; otherwise when what they tell changes, at most once in a cycle each,
-    /// and when it becomes Operational.
+    /// It sends them in answer to every [`sync_divider`](Self::sync_divider)th SYNC; otherwise when what they tell changes, as
+    /// often as [`events`](Self::events) says, and when it becomes Operational.
     pub answers_sync: bool,
+    /// How often each of them may come in a cycle where it answers no SYNC.
+    pub events: Events,
     /// Which SYNCs it answers: each one if 1, every second one if 2. The device counts them.
     pub sync_divider: u32,
     /// The PDOs that the controller sends to the device in every cycle.
@@ -98,6 +100,10 @@ impl NodeSpec {
             release: Vec::new(),
             t_pdos: Vec::new(),
             answers_sync: true,
+            events: Events {
+                any_time: 1,
+                behind_r_pdo: 0,
+            },
             sync_divider: 1,
             r_pdos: Vec::new(),
             latches_at_sync: true,
@@ -120,7 +126,7 @@ impl NodeSpec {
             divider: self.sync_divider,
             response: self.t_pdo_response,
             pdos: [&self.t_pdos[..], &self.r_pdos[..]].concat(),
-            by_event: !self.answers_sync,
+            events: (!self.answers_sync).then_some(self.events),
         }
     }
 }

@@ -20,6 +20,7 @@ use super::{
 use crate::dictionary;
 use core::time::Duration;
 use syncline_canopen::Frame;
+use syncline_canopen::budget::Events;
 use syncline_canopen::cia402::{Controlword, State, Statusword};
 
 /// The controller.
@@ -111,6 +112,7 @@ impl Tsp10 {
                     .map(|number| communication::t_pdo(number, settings.node, 6))
                     .to_vec(),
                 answers_sync: false,
+                events: events(settings.cycle, spec.t_pdo_response, spec.sdo_response),
                 r_pdos: vec![communication::r_pdo(r_pdo, settings.node, 6)],
                 latches_at_sync: false,
                 ..spec
@@ -126,6 +128,21 @@ impl Tsp10 {
             state: None,
             targets: settings.point_to_point.then(Targets::default),
         }
+    }
+}
+
+/// Changes of the statusword that an R_PDO may cause: bit 10 falls with a new velocity or target and rises where it is reached
+/// (770).
+const CHANGES: u32 = 2;
+
+/// How many times each T_PDO may come in a cycle at most: at each change that an R_PDO of the cycle causes, behind it, and at
+/// those of as many cycles before as they may be late. They wait for an answer by SDO that is on its way, and for one another.
+fn events(cycle: Duration, t_pdo_response: Duration, sdo_response: Duration) -> Events {
+    let late = sdo_response + t_pdo_response * 2 * CHANGES;
+    let cycles = late.as_nanos().div_ceil(cycle.as_nanos());
+    Events {
+        any_time: CHANGES * cycles.max(1) as u32,
+        behind_r_pdo: CHANGES,
     }
 }
 

@@ -120,7 +120,7 @@ prop_compose! {
             if second {
                 pdos.push(pdo(Direction::Transmit, CobId::t_pdo(4, node), r));
             }
-            NodeTraffic { node, divider, response: Duration::from_micros(response), pdos, by_event: false }
+            NodeTraffic { node, divider, response: Duration::from_micros(response), pdos, events: None }
         });
         Case {
             traffic: Traffic {

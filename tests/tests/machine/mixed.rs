@@ -2,7 +2,7 @@
 //! the path.
 
 use serde_json::Value;
-use syncline_tests::command::{Folder, ended, machine_with, syncline};
+use syncline_tests::command::{Folder, ended, machine_file, machine_with, syncline};
 
 /// All of the path on LXM32M, with the limits as they are.
 const PURE: [(&str, &str); 3] = [
@@ -78,6 +78,28 @@ fn its_program_passes_and_each_axis_is_within_its_own_bound() {
     // As `velocity` and `stepper` have them.
     assert!(x < 0.03 && y <= 0.1 && z <= 0.05, "{errors:?}");
     assert!(contour_error(&mixed) <= x.hypot(y).hypot(z) + 0.001);
+}
+
+/// Also where a stepper controller tells each change of its statusword by itself, several times in a cycle.
+#[test]
+fn no_cycle_is_busier_than_its_bus_is_told_to_be() {
+    let result = validate(&[], None);
+    let mut budget = syncline();
+    budget
+        .arg("budget")
+        .arg(machine_file("mixed"))
+        .arg("--json");
+    let budget: Value = serde_json::from_slice(&budget.output().unwrap().stdout).unwrap();
+    for bus in 0..2 {
+        let of = |json: &Value, path: &str| json.pointer(path).and_then(Value::as_f64).unwrap();
+        let busiest = of(&result, &format!("/bus/{bus}/peak_utilisation"));
+        let told = of(&budget, &format!("/buses/{bus}/load"));
+        println!("bus {bus}: {busiest} of {told}");
+        assert!(
+            busiest <= told && told < 1.0,
+            "bus {bus}: {busiest} of {told}"
+        );
+    }
 }
 
 #[test]

@@ -3,14 +3,18 @@
 
 use super::day::{go, settle};
 use proptest::prelude::*;
+use syncline_canopen::budget::PdoTime;
+use syncline_canopen::response_time::bit_time;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CobId, NodeId};
+use syncline_controller::budget::MachineBudget;
 use syncline_controller::control::fault::AxisCause;
 use syncline_controller::control::{End, Fault, Phase, Row, State};
-use syncline_controller::machine::COORDINATES;
+use syncline_controller::machine::{COORDINATES, Machine};
 use syncline_controller::session::Command;
 use syncline_drives::twin::tsp10::Twin;
 use syncline_drives::twin::{Config, Disturbance, ErrorClass};
+use syncline_tests::command::{Folder, machine_with};
 use syncline_tests::rig::Rig;
 
 /// Places of the drive and of the encoder among the devices.
@@ -115,6 +119,96 @@ fn each_loss_has_its_own_message() {
         rig.twin(device).disturb(disturbance);
         let fault = rig.finish_with_fault().describe(&*rig.layout);
         assert!(fault.contains(text), "{disturbance:?}: {fault}");
+    }
+}
+
+// --- what its bus carries ---
+
+/// A portal with the stepper, and what its axis does.
+#[derive(Clone, Debug)]
+struct Shape {
+    cycle_ms: u64,
+    kbit: u32,
+    /// It is sent targets, not velocities.
+    point_to_point: bool,
+    /// Where it goes in turn, mm, and how fast, mm/min.
+    moves: Vec<(f64, f64)>,
+    seed: u64,
+}
+
+prop_compose! {
+    fn shape()(
+        cycle_ms in 2..=10u64,
+        kbit in prop::sample::select(vec![500u32, 800, 1000]),
+        point_to_point in prop::bool::weighted(0.25),
+        moves in prop::collection::vec((-40.0..0.0f64, 300.0..4800.0f64), 1..4),
+        seed: u64,
+    ) -> Shape {
+        Shape { cycle_ms, kbit, point_to_point, moves, seed }
+    }
+}
+
+impl Shape {
+    fn rig(&self) -> Option<Rig> {
+        let cycle = format!("cycle_us = {}000", self.cycle_ms);
+        let bitrate = format!("bitrate = {}_000", self.kbit);
+        let mut changes = vec![
+            ("cycle_us = 2000", &cycle[..]),
+            ("bitrate = 1_000_000", &bitrate),
+        ];
+        changes.extend(CHANGES);
+        if self.point_to_point {
+            changes.push((
+                "position_loop = \"encoder\"\nunsupervised_stop = \"hardware\"",
+                "",
+            ));
+        }
+        let folder = Folder::new();
+        let file = folder.file("machine.toml", &machine_with("portal", &changes));
+        let machine = Machine::load(&file).ok()?;
+        MachineBudget::of(&machine).check().ok()?;
+        let line = |(to, feed): &(f64, f64)| format!("G1 Z{to:.3} F{feed:.0}\n");
+        let lines: String = self.moves.iter().map(line).collect();
+        let program = format!("G21 G90 G94 G61\n{lines}M2\n");
+        let seed = self.seed;
+        Some(Rig::new("portal", &changes, &program, |place, config| {
+            config.seed = seed.wrapping_add(place as u64);
+        }))
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+
+    /// It tells each change of its statusword by itself, several times in a cycle where it is sent velocities, and it is
+    /// polled besides.
+    #[test]
+    fn no_cycle_is_busier_than_the_budget_has_it(shape in shape()) {
+        let rig = shape.rig();
+        prop_assume!(rig.is_some());
+        let mut rig = rig.unwrap();
+        let budget = MachineBudget::of(&rig.machine).buses.remove(0);
+        rig.run_to(Phase::Program);
+        let before = rig.frames().len();
+        prop_assert_eq!(rig.finish(), End::Finished);
+        let told = budget.budget.pdos.iter();
+        let mut counts: Vec<_> = told.map(|told| (told, 0)).collect();
+        let (mut busiest, mut bits) = (0, 0);
+        for sent in rig.frames().iter().skip(before) {
+            if sent.frame.id() == CobId::SYNC.into() {
+                busiest = busiest.max(bits);
+                bits = 0;
+                counts.iter_mut().for_each(|(_, count)| *count = 0);
+            }
+            bits += sent.bits;
+            let of = |told: &&mut (&PdoTime, u32)| sent.frame.id() == told.0.pdo.cob_id.into();
+            if let Some((told, count)) = counts.iter_mut().find(of) {
+                *count += 1;
+                prop_assert!(*count <= told.times, "{told:?} came {count} times");
+            }
+        }
+        let busiest = bit_time(busiest, shape.kbit * 1000);
+        prop_assert!(busiest <= budget.load_in_motion, "{busiest:?} of {:?}", budget.load_in_motion);
     }
 }
 
