@@ -406,6 +406,9 @@ impl Traffic {
                 period: self.cycle * node.divider,
                 jitter: Duration::ZERO,
             };
+            // More than a cycle's time is no bound, however many.
+            let most = self.cycle.as_nanos() / bit_time(pdo.bits(), self.bit_rate).as_nanos() + 1;
+            let times = u128::from(times).min(most);
             (0..times).map(move |_| message)
         })
     }

@@ -4,8 +4,8 @@
 use super::STILL;
 use super::fault::{AxisIndex, DeviceIndex, Names};
 use super::layout::{AxisSpec, DeviceSpec, Layout};
-use super::polls::{CONTRADICTIONS, POLL, STATE_POLL};
-use crate::machine::OutputSwitch;
+use super::polls::{CONTRADICTIONS, STATE_POLL};
+use crate::machine::{OutputSwitch, POLL};
 use std::fmt;
 use syncline_canopen::time::Duration;
 use syncline_drives::model::{Address, Device, Monitoring};

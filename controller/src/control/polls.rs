@@ -5,13 +5,10 @@
 //! be believed against that.
 
 use super::sdo_sequence::SdoSequence;
+use crate::machine::POLL;
 use syncline_canopen::Instant;
 use syncline_canopen::time::Duration;
 use syncline_drives::model::Address;
-
-/// From one poll of a position to the next. Short against [`STILL`](super::STILL), so that what moves is not
-/// taken to rest.
-pub(super) const POLL: Duration = Duration::from_millis(20);
 
 /// From one poll of a state to the next, which goes before one of the position.
 pub(super) const STATE_POLL: Duration = Duration::from_millis(50);

@@ -1,7 +1,7 @@
 //! Whether a drive can do what its axis, the cycle and its bus ask of it: what the model says of
 //! itself, held against the machine file.
 
-use super::{Axis, AxisLimits, Drive, HomingMethod, Machine, Motion};
+use super::{Axis, AxisLimits, Drive, HomingMethod, Machine, Motion, POLL};
 use std::ops::Range;
 use std::time::Duration;
 use syncline_drives::model::{self, Ability, Increments, Model, Monitoring, Scaling, Setpoints};
@@ -226,11 +226,17 @@ pub(super) fn check_loops(log: &mut Log<'_>, machine: &Machine, places: &[Range<
             continue;
         }
         if !spec.answers_sync && !axis.feedback.is_some_and(|it| it.closes_loop) {
+            // As old as the answer to the last request but one, which is heard in the cycle after it.
+            let old = POLL + spec.sdo_response + machine.cycle;
+            let way = axis.limits.velocity * old.as_secs_f64();
             log.report(
                 place.clone(),
                 format!(
-                    "axis \"{name}\": drive \"{who}\" ({title}) is sent velocities, and does not tell \
-                     its position at every SYNC"
+                    "axis \"{name}\": drive \"{who}\" ({title}) is sent velocities, and does not tell its \
+                     position at every SYNC; asked by SDO every {} ms it would be up to {:.1} ms old, in \
+                     which the axis goes {way:.2} mm",
+                    POLL.as_millis(),
+                    old.as_secs_f64() * 1e3
                 ),
                 "name an [[encoder]] as the axis's `feedback`, with `position_loop = \"encoder\"`",
             );

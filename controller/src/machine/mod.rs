@@ -184,6 +184,10 @@ pub struct Drive {
 /// [`gcode::Axis::ALL`].
 pub const COORDINATES: usize = gcode::Axis::ALL.len();
 
+/// From one request for the position of a device that is asked by SDO to the next. Short against the time for which axes are
+/// looked at to tell that they stand, so that what moves is not taken to rest.
+pub(crate) const POLL: Duration = Duration::from_millis(20);
+
 /// A place in machine coordinates, mm and degrees; 0 for the axes that the machine does not have.
 pub type Position = [f64; COORDINATES];
 

@@ -147,14 +147,11 @@ impl Cia402Velocity {
             setpoint: 0x60FF_0020,
             actual: generic::POSITION,
         };
-        let increments = f64::from(assumed.value(&ENCODER_INCREMENTS));
-        let units = match assumed.value(&VELOCITY_UNITS) {
-            0 => 1.0,
-            units => {
-                let revolutions = f64::from(assumed.value(&VELOCITY_RPM)) / 60.0;
-                f64::from(units) / (revolutions * increments)
-            }
-        };
+        let units = cia402::velocity_units(
+            assumed.value(&VELOCITY_UNITS),
+            assumed.value(&VELOCITY_RPM),
+            assumed.value(&ENCODER_INCREMENTS),
+        );
         let cycle = settings.cycle.as_secs_f64();
         let delay = assumed.time(&VELOCITY_DELAY).as_secs_f64();
         let lag = assumed.time(&VELOCITY_LAG).as_secs_f64();

@@ -38,7 +38,7 @@ pub(super) static TSP10: Model = Model {
     abilities: &[Ability::PointToPoint],
     generic: None,
     assumptions: &[
-        &[STEPS, VELOCITY_DELAY],
+        &[STEPS, VELOCITY_UNITS, VELOCITY_RPM, VELOCITY_DELAY],
         &communication::responses(400, 2000),
     ],
     dictionary: dictionary::TSP10,
@@ -62,6 +62,21 @@ const STEPS: Assumption = Assumption {
     meaning: "6092h:1, steps for each motor revolution, which it is set to",
 };
 
+// The table of objects has no unit for 60FFh (791).
+const VELOCITY_UNITS: Assumption = Assumption {
+    name: "velocity_units",
+    default: 0,
+    allowed: 0..=1_000_000,
+    meaning: "what 60FFh counts at velocity_rpm revolutions a minute; 0: 60FFh counts steps/s",
+};
+
+const VELOCITY_RPM: Assumption = Assumption {
+    name: "velocity_rpm",
+    default: 1,
+    allowed: 1..=1_000_000,
+    meaning: "revolutions a minute at which 60FFh counts velocity_units",
+};
+
 const VELOCITY_DELAY: Assumption = Assumption {
     name: "velocity_delay_us",
     default: 500,
@@ -83,6 +98,8 @@ const LEAST_RAMP: f64 = 23.0;
 #[derive(Clone, Debug)]
 struct Tsp10 {
     spec: NodeSpec,
+    /// Units of 60FFh for a step/s.
+    units: f64,
     latency: f64,
     dynamics: Dynamics,
     /// What its statusword last told.
@@ -97,6 +114,11 @@ impl Tsp10 {
         let cycle = settings.cycle.as_secs_f64();
         // The half of what its ramp takes.
         let delay = assumed.time(&VELOCITY_DELAY).as_secs_f64() + cycle / STEEPER / 2.0;
+        let units = cia402::velocity_units(
+            assumed.value(&VELOCITY_UNITS),
+            assumed.value(&VELOCITY_RPM),
+            assumed.value(&STEPS),
+        );
         let r_pdo = match settings.point_to_point {
             true => 1,
             false => 2,
@@ -117,13 +139,13 @@ impl Tsp10 {
                 latches_at_sync: false,
                 ..spec
             },
+            units,
             latency: 1.0 + delay / cycle,
             dynamics: Dynamics {
                 lag: 0.0,
                 // From a sample to the middle of the cycle in which it takes effect.
                 gain: Dynamics::gain(delay + 1.5 * cycle),
-                // Steps/s.
-                quantum: 1.0,
+                quantum: units.recip(),
             },
             state: None,
             targets: settings.point_to_point.then(Targets::default),
@@ -285,7 +307,7 @@ impl Drive for Tsp10 {
             let (start, [to, _]) = targets.send(command, setpoint.position, true);
             cia402::to_position(controlword.with(start), to)
         } else {
-            cia402::at_velocity(controlword, command, setpoint.velocity)
+            cia402::at_velocity(controlword, command, setpoint.velocity * self.units)
         };
         frames[0] = Frame::new(self.spec.r_pdos[0].cob_id, &data);
     }
@@ -372,6 +394,25 @@ mod tests {
         );
         assert_eq!(told(&mut drive, PowerCommand::QuickStop, 9.0)[0], 0x0B);
         assert!(says(&mut drive, 0x0218).power.is_fault());
+    }
+
+    #[test]
+    fn its_velocity_counts_as_is_assumed() {
+        let units = [
+            (vec![], 7000),
+            (vec![("velocity_units", 1)], 42),
+            (vec![("velocity_units", 10), ("velocity_rpm", 2)], 210),
+            (
+                vec![("velocity_units", 1), ("steps_per_revolution", 5000)],
+                84,
+            ),
+        ];
+        for (assumed, sent) in units {
+            let mut drive = drive(&assumed);
+            says(&mut drive, 0x0237);
+            let data = told(&mut drive, PowerCommand::Run, 7000.0);
+            assert_eq!(data[2..], i32::to_le_bytes(sent), "{assumed:?}");
+        }
     }
 
     #[test]

@@ -314,6 +314,55 @@ fn a_drive_that_counts_otherwise_than_is_described_is_told() {
     }
 }
 
+/// Z on a stepper controller, whose manual has no unit for 60FFh.
+#[test]
+fn a_stepper_controller_counts_as_the_machine_file_says_or_is_told() {
+    let counts = |units: &str| format!("[model.tsp10]\n{units}\n\n[[bus]]");
+    let homed = "position_loop = \"encoder\"\nhoming = { kind = \"encoder\", test_move = -2.0 }";
+    let run = |stated: &str, units: Option<u32>| {
+        let counts = counts(stated);
+        let changes = [
+            &[("cycle_us = 2000", "cycle_us = 4000")],
+            &stepper::CHANGES[..],
+            &[
+                ("position_loop = \"encoder\"", homed),
+                ("[[bus]]", &counts),
+                HOMED[0],
+            ],
+        ];
+        let program = "G21 G90 G94 G61\nG1 Z-20 F1200\nM2\n";
+        let mut rig = Rig::new("portal", &changes.concat(), program, |_, config| {
+            if let Some(units) = units {
+                config.assumed.retain(|(name, _)| *name != "velocity_units");
+                config.assumed.push(("velocity_units", units));
+            }
+        });
+        rig.finish();
+        rig
+    };
+    // Steps/s, and tenths of 1/min.
+    for stated in ["", "velocity_units = 10"] {
+        let mut rig = run(stated, None);
+        let end = rig.end();
+        assert_eq!(end, Some(End::Finished), "{stated}: {:?}", rig.events);
+        let [(_, factor)] = told(&rig)[..] else {
+            panic!("{stated}: one test move");
+        };
+        assert!((factor - 1.0).abs() < 0.03, "{stated}: {factor}");
+    }
+    for (units, by) in [(0, 1.0 / 1000.0 * 60.0), (1, 10.0)] {
+        let mut rig = run("velocity_units = 10", Some(units));
+        let Some(End::Fault(fault)) = rig.end() else {
+            panic!("{units}: no fault");
+        };
+        let (_, factor) = factor(fault);
+        assert!(
+            (factor - by).abs() < 0.02 + 0.1 * by,
+            "{units}: {factor}, {by}"
+        );
+    }
+}
+
 // --- a gantry ---
 
 /// Y on two drives, behind that of X and its encoder's.

@@ -130,6 +130,15 @@ pub(in crate::model) fn at_velocity(
     image(controlword.0, velocity.into())
 }
 
+/// What 60FFh counts for an increment/s where it counts `units` at `rpm` revolutions a minute of so many increments each; with 0
+/// units it counts increments/s.
+pub(in crate::model) fn velocity_units(units: u32, rpm: u32, increments: u32) -> f64 {
+    match units {
+        0 => 1.0,
+        units => f64::from(units) / (f64::from(rpm) / 60.0 * f64::from(increments)),
+    }
+}
+
 /// The T_PDO of statusword and position of a drive that follows its setpoints, at `position`.
 pub(in crate::model) fn in_motion(position: Increments) -> [u8; 6] {
     let operation_enabled = 0x0037;

@@ -125,6 +125,14 @@ impl Drive {
         }
     }
 
+    /// Steps/s of a unit of 60FFh and 606Ch.
+    pub(super) fn velocity_unit(&self) -> f64 {
+        let steps = self.steps_per_revolution().abs();
+        (self.policies.velocity_unit).map_or(1.0, |[units, rpm]| {
+            f64::from(rpm) / 60.0 * steps / f64::from(units)
+        })
+    }
+
     /// Ramps of the objects with these indices, and a velocity in steps/s.
     pub(super) fn limits(&self, velocity: f64, up: u16, down: u16) -> Limits {
         Limits {
@@ -413,7 +421,7 @@ impl Drive {
             (0x6061, 0, self.mode as i64),
             (0x6062, 0, whole(self.ramp.position)),
             (0x6064, 0, whole(position)),
-            (0x606C, 0, whole(velocity)),
+            (0x606C, 0, whole(velocity / self.velocity_unit())),
         ] {
             self.objects.put(index, sub, value);
         }

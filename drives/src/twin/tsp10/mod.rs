@@ -87,6 +87,13 @@ impl From<&Config> for TwinConfig {
                 None => own.mechanics,
                 Some(DrivenAxis { train, .. }) => train.clone().into(),
             },
+            policies: Policies {
+                velocity_unit: config
+                    .assumed("velocity_units")
+                    .filter(|units| *units != 0)
+                    .map(|units| [units, config.assumed("velocity_rpm").unwrap_or(1)]),
+                ..own.policies
+            },
             processor: own.processor.configured(config),
             ..own
         }

@@ -106,7 +106,7 @@ impl Drive {
         if self.mode != Mode::ProfileVelocity || !self.may_move() {
             return;
         }
-        let velocity = self.value(0x60FF, 0);
+        let velocity = self.value(0x60FF, 0) * self.velocity_unit();
         if self.motion == Motion::Hold && velocity == 0.0 {
             return;
         }

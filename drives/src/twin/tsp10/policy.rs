@@ -23,6 +23,8 @@ pub struct Policies {
     pub absolute_without_reference: bool,
     /// What 2001h:1 counts: per cent by its table, thousandths by its text (558-564).
     pub standby_unit: StandbyUnit,
+    /// Units, and the revolutions a minute at which 60FFh and 606Ch count so many (783-798); none: they count steps/s.
+    pub velocity_unit: Option<[u32; 2]>,
     /// Whether statusword bits 12 and 13 tell of homing as CiA 402 has it; not described.
     pub homing_bits: bool,
     /// Whether 000Fh leads from Ready To Switch On to Operation Enabled; the table of transitions has
@@ -80,6 +82,7 @@ impl Default for Policies {
             relative_to: RelativeTo::Demand,
             absolute_without_reference: true,
             standby_unit: StandbyUnit::Percent,
+            velocity_unit: None,
             homing_bits: true,
             enables_at_once: false,
             limit_is_fault: false,
