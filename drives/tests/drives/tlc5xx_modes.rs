@@ -511,6 +511,47 @@ fn electronic_gear() {
     until(&mut bench, 5, "rest", |bench| rpm(bench).abs() < 0.5);
 }
 
+/// Pulses that came while the gear was off are made up for by 209Dh = 2 (12384-12392), no faster than 209Fh, and left alone by 1.
+#[test]
+fn the_gear_catches_up_with_what_it_missed() {
+    for (start, pulses, makes_up) in [
+        (2, 16_384.0, true),
+        (2, -16_384.0, true),
+        (1, 16_384.0, false),
+    ] {
+        let mut bench = drive(-1);
+        set(&mut bench, 0x209F, 0, 180).unwrap();
+        let reference = |bench: &mut Bench<Twin>| f64::from(bench.read_i32(1, 0x2071, 0));
+        bench.twin().set_pulse_frequency(pulses);
+        // What came before it was on for the first time is nothing to it.
+        bench.wait(ms(200));
+        let (from, began) = (reference(&mut bench), bench.now());
+        set(&mut bench, 0x209D, 0, 2).unwrap();
+        bench.wait(ms(500));
+        set(&mut bench, 0x209D, 0, 0).unwrap();
+        until(&mut bench, 5, "rest", |bench| rpm(bench).abs() < 0.5);
+        bench.wait(ms(400));
+        set(&mut bench, 0x209D, 0, start).unwrap();
+        let mut fastest = 0.0_f64;
+        for _ in 0..100 {
+            bench.wait(ms(20));
+            fastest = fastest.max(rpm(&mut bench).abs());
+        }
+        let due = pulses * (bench.now() - began).as_secs_f64();
+        let behind = (due - (reference(&mut bench) - from)).abs();
+        println!("{start}, {pulses}: {behind} behind, {fastest} r/min");
+        assert_eq!(
+            behind < 600.0,
+            makes_up,
+            "{start}, {pulses}: {behind} behind"
+        );
+        assert!(
+            fastest < 185.0 && (fastest > 100.0) == makes_up,
+            "{fastest} r/min"
+        );
+    }
+}
+
 /// How far the reference goes in 0.9 s beside what so many pulses/s make of it, increments.
 fn beside(bench: &mut Bench<Twin>, pulses: f64) -> f64 {
     let before = bench.read_i32(1, 0x2071, 0);

@@ -2,7 +2,7 @@
 
 use super::TwinConfig;
 use super::fault::DriveError;
-use super::modes::{Homing, List, Manual, Mode, Movement, Offset, Target};
+use super::modes::{CatchUp, Homing, List, Manual, Mode, Movement, Offset, Target};
 use super::motion::Motion;
 use super::policy::Policies;
 use super::settings::{INCREMENTS_PER_REVOLUTION, RPM, Settings};
@@ -57,6 +57,7 @@ pub struct Drive {
     pub(super) homing: Homing,
     pub(super) manual: Manual,
     pub(super) offset: Offset,
+    pub(super) catch_up: CatchUp,
     pub(super) list: List,
     /// The movement that Halt interrupted (5342-5349).
     pub(super) halted: Option<Motion>,
@@ -105,6 +106,7 @@ impl Drive {
             homing: Homing::default(),
             manual: Manual::default(),
             offset: Offset::default(),
+            catch_up: CatchUp::default(),
             list: List::default(),
             halted: None,
             pulse_frequency: 0.0,
@@ -329,6 +331,9 @@ impl ServoFirmware for Drive {
     fn position_step(&mut self, _: u32) {
         self.change_state();
         self.watch_captures();
+        if self.motion != Motion::Gear {
+            self.miss_pulses();
+        }
         if self.is_powered() {
             self.step_mode();
             self.move_reference();

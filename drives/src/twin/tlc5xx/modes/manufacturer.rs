@@ -1,11 +1,9 @@
 //! The manufacturer's modes (3006-3025): their starting objects and what they show.
 
 use super::{Homing, Mode, Movement};
-use crate::twin::servo::cascade::POSITION_STEP;
 use crate::twin::servo::ramp::Limits;
 use crate::twin::tlc5xx::drive::Drive;
-use crate::twin::tlc5xx::motion::Motion;
-use crate::twin::tlc5xx::settings::{RPM, Settings};
+use crate::twin::tlc5xx::settings::Settings;
 use syncline_canopen::node::Origin;
 
 /// Bits of the states of the modes (12056-12292).
@@ -55,42 +53,6 @@ impl Drive {
             value(0x205C)
         };
         Settings::at_most(limits, velocity * self.settings.velocity)
-    }
-
-    // ---- gear ----
-
-    /// 209Dh: 0 off, 1 from here on, 2 with what was missed since (12384-12392). Pulses are not
-    /// counted while it is off, so there is nothing to catch up with.
-    fn start_gear(&mut self, value: i64) {
-        match value {
-            1 | 2 => {
-                self.movement = Movement::Gear;
-                self.begin(Motion::Gear);
-            }
-            _ if self.movement == Movement::Gear => {
-                self.movement = Movement::None;
-                self.offset.interrupt();
-                self.motion = Motion::Stop(self.settings.manufacturer.deceleration);
-            }
-            _ => {}
-        }
-    }
-
-    /// The reference follows the pulses by 20A1h / 20A2h, no faster than 209Fh, in the directions of
-    /// 209Ch, which 2045h swaps (12326-12336), and what moves beside them.
-    pub(in crate::twin::tlc5xx) fn follow_pulses(&mut self) {
-        let value = |index| self.objects.value(index, 0).unwrap_or(0);
-        let ratio = value(0x20A1) as f64 / value(0x20A2).max(1) as f64;
-        let most = value(0x209F) as f64 * RPM;
-        let velocity = (self.pulse_frequency * ratio).clamp(-most, most);
-        let released = match (value(0x209C), self.settings.direction < 0.0) {
-            (1, false) | (2, true) => velocity.max(0.0),
-            (2, false) | (1, true) => velocity.min(0.0),
-            _ => velocity,
-        };
-        let (beside, speed) = self.step_offset();
-        self.ramp.velocity = released + speed;
-        self.ramp.position += released * POSITION_STEP + beside;
     }
 
     // ---- what they show ----

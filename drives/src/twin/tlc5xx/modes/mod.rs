@@ -5,6 +5,7 @@
 //! (2938-2946). A movement of the profile's modes is started by the controlword or by a new
 //! velocity, one of the manufacturer's by the write of its starting object (3006-3008).
 
+mod gear;
 mod homing;
 mod list;
 mod manual;
@@ -13,6 +14,7 @@ mod offset;
 mod parameters;
 mod profile;
 
+pub(super) use gear::CatchUp;
 pub(super) use homing::Homing;
 pub(super) use list::List;
 pub(super) use manual::Manual;
