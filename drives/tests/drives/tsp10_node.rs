@@ -479,6 +479,36 @@ fn steps_are_lost_when_the_torque_is_exceeded_and_none_within_it() {
     assert!(lost(400, 1_000_000, 100_000) > 150.0);
 }
 
+/// How far the rotor is off its field at the most while that makes so many full steps in a second, of 200 in a revolution and
+/// each in so many micro-steps; full steps.
+fn swing(rate: i32, micro_steps: i32) -> f64 {
+    let mut bench = of(config());
+    set(&mut bench, 0x6092, 1, 200 * micro_steps).unwrap();
+    enabled(&mut bench, 3);
+    set(&mut bench, 0x6083, 0, 10_000 * micro_steps).unwrap();
+    set(&mut bench, 0x60FF, 0, rate * micro_steps).unwrap();
+    bench.wait(ms(500));
+    let mut most = 0.0_f64;
+    for _ in 0..700 {
+        bench.wait(ms(1));
+        most = most.max(bench.twin().lost_steps().abs());
+    }
+    most / f64::from(micro_steps)
+}
+
+/// With 3 A and this inertia the rotor swings 67 times a second.
+#[test]
+fn whole_steps_have_a_region_of_resonance_and_micro_steps_have_none() {
+    for rate in [63, 67, 71] {
+        let [whole, micro] = [1, 50].map(|micro_steps| swing(rate, micro_steps));
+        assert!(whole > 0.7 && micro < 0.05, "{rate}: {whole}, {micro}");
+    }
+    for rate in [160, 200, 300] {
+        let [whole, micro] = [1, 50].map(|micro_steps| swing(rate, micro_steps));
+        assert!(whole < 0.2 && micro < 0.05, "{rate}: {whole}, {micro}");
+    }
+}
+
 #[test]
 fn standby_current_holds_by_its_share() {
     let sags = |standby_unit: StandbyUnit| {

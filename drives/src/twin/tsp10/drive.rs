@@ -160,7 +160,8 @@ impl Drive {
             self.profile_step();
         }
         let scale = 1.0 / self.steps_per_revolution();
-        let field = self.origin + self.ramp.position * scale;
+        // The field goes in whole steps of 6092h: few a revolution shake the rotor.
+        let field = self.origin + libm::round(self.ramp.position) * scale;
         let field_velocity = self.ramp.velocity * scale;
         let (position, velocity) = (self.shaft.position(), self.shaft.velocity());
         self.torque = self

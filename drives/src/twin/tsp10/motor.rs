@@ -3,7 +3,8 @@
 //! A rotor with `p` pole pairs that stands off its field by the angle `δ` feels the torque
 //! `T sin(p δ)`. That is all: within a quarter of a pole pair it is a spring, so the motor holds with
 //! at most `T`, which grows with the current, and swings about its field with the frequency
-//! `√(T p / J) / 2π`, its resonance; damping comes from what turns against the field. Beyond half a
+//! `√(T p / J) / 2π`, its resonance; damping comes from what turns against the field. Steps that come about as often shake
+//! it most, whole ones by more than a step, micro-steps hardly. Beyond half a
 //! pole pair the torque draws the rotor to the next place that is like the one it left, a whole pole
 //! pair on: steps are lost, four full ones at a time, and nothing in the drive notices. Above its
 //! corner speed the windings' inductance keeps the current from rising, and `T` falls with the speed.
