@@ -570,7 +570,7 @@ proptest! {
     fn offset_positioning_on_top_of_the_gear(
         pulses in -20_000.0..20_000.0f64,
         reference in -5000..5000i32,
-        way in prop_oneof![-4000..-100i32, 100..4000i32],
+        way in prop_oneof![-4000..-200i32, 200..4000i32],
         is_absolute: bool,
         in_rpm: bool,
         again in -3000..3000i32,
@@ -598,8 +598,8 @@ proptest! {
         set(&mut bench, index, 0, sent).unwrap();
         bench.wait(ms(5));
         prop_assert_eq!(bench.number(1, 0x20A5, 0), 0, "under way");
-        let near = |is: f64, due: i32| (is - f64::from(due)).abs() <= 0.02 * f64::from(due.abs()) + 80.0;
-        // A few ms of it are over.
+        // A few ms of it are over, at 19 increments a ms at most.
+        let near = |is: f64, due: i32| (is - f64::from(due)).abs() <= 0.02 * f64::from(due.abs()) + 130.0;
         let moved = beside(&mut bench, pulses);
         prop_assert!(near(moved, way), "{moved}, {way}");
         prop_assert_eq!(bench.number(1, 0x20A5, 0), 0x6000, "reached");
