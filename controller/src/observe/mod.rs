@@ -295,6 +295,7 @@ impl Observers {
             dwell_s: self.seconds(cycles.dwells),
             waiting_s: self.seconds(cycles.waits),
             jogging_s: self.seconds(cycles.jogs),
+            awaiting_s: self.seconds(cycles.awaits),
             planning_s: self.seconds(cycles.planning),
             settling_s: self.seconds(cycles.settling),
         }

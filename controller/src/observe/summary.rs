@@ -124,6 +124,9 @@ pub struct Times {
     pub dwell_s: f64,
     /// Rest until an operator went on: feed holds, program stops, tool changes.
     pub waiting_s: f64,
+    /// Rest until the machine was as a block asked for: its spindle at speed or oriented, an input there, a command of the
+    /// user's ended.
+    pub awaiting_s: f64,
     /// Axes were off the path.
     pub jogging_s: f64,
     /// Rest before the first motion or in between, until there was a plan.
@@ -139,6 +142,7 @@ impl Times {
         let others = [
             ("dwells", self.dwell_s),
             ("waiting for an operator", self.waiting_s),
+            ("waiting for the machine", self.awaiting_s),
             ("jogging", self.jogging_s),
             ("waiting for a plan", self.planning_s),
             ("settling", self.settling_s),

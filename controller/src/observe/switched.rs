@@ -16,6 +16,9 @@ pub struct SwitchedState {
     pub line: u32,
     /// 1/min, negative for M4.
     pub spindle: f64,
+    /// Where it is held instead (M19), degrees.
+    #[serde(rename = "orientation_deg", skip_serializing_if = "Option::is_none")]
+    pub orientation: Option<f64>,
     /// 1 mist, 2 flood, 3 both.
     pub coolant: u8,
     /// The tool in the spindle.
@@ -49,6 +52,7 @@ impl Switched {
             time,
             line: functions.line,
             spindle: turning(functions.spindle),
+            orientation: functions.spindle.orientation.map(|it| it.angle),
             coolant: running(functions.coolant),
             tool: functions.tool,
             digital_outputs: (0..DIGITAL_OUTPUTS)

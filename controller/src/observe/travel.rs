@@ -28,6 +28,8 @@ pub(super) struct Cycles {
     pub(super) dwells: u64,
     /// An operator was waited for.
     pub(super) waits: u64,
+    /// A block waited for the machine: its spindle, an input, a command.
+    pub(super) awaits: u64,
     /// Axes were off the path.
     pub(super) jogs: u64,
     /// The path rested between two of the others, or before the first: until there was a plan.
@@ -49,6 +51,8 @@ impl Cycles {
             &mut self.waits
         } else if plan.busy {
             &mut self.dwells
+        } else if observed.row.rests_for.is_some() {
+            &mut self.awaits
         } else {
             self.settling += 1;
             return;

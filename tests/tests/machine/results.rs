@@ -43,7 +43,7 @@ fn all_the_time_of_a_run_is_named() {
     assert!(of("settling") > 0.04 && of("settling") < 0.06, "{json:#}");
     assert_eq!(of("jogging"), 0.0);
     let names = [
-        "motion", "dwell", "waiting", "jogging", "planning", "settling",
+        "motion", "dwell", "waiting", "awaiting", "jogging", "planning", "settling",
     ];
     let all: f64 = names.into_iter().map(of).sum();
     assert!(
@@ -62,6 +62,25 @@ fn all_the_time_of_a_run_is_named() {
     ] {
         assert!(printed.contains(told), "{printed}");
     }
+}
+
+/// Until a spindle turns, and until it stands at its angle.
+#[test]
+fn the_time_that_a_program_waits_for_its_spindle_is_named() {
+    let folder = Folder::new();
+    let program = "M3 S2000\nG1 X20 F1200\nM19 R90\nG0 X0\nM5\nM2\n";
+    let program = folder.file("p.ngc", program);
+    let (json, printed) = validate(&folder.machine("drill"), &program, None);
+    assert_eq!(json["verdict"], "pass", "{json:#}");
+    let of = |what: &str| number(&json, &format!("/times/{what}_s"));
+    // Up to 2000 of 3000 1/min in 300 ms, down again, up to half a turn, and 50 ms of standing each time.
+    let awaiting = of("awaiting");
+    assert!((0.6..1.2).contains(&awaiting), "{awaiting} s");
+    assert!(of("planning") < 0.01, "{json:#}");
+    assert!(printed.contains("waiting for the machine"), "{printed}");
+    let states = json["switched"].as_array().unwrap();
+    let held: Vec<_> = states.iter().map(|it| &it["orientation_deg"]).collect();
+    assert!(held.iter().any(|angle| *angle == 90.0) && held.last().unwrap().is_null());
 }
 
 #[test]
