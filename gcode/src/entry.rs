@@ -2,7 +2,7 @@
 //! into the state of that place is an [`Entry`].
 
 use super::axes::Point;
-use super::command::{Action, Coolant, Output, PathMode, Spindle, Stop};
+use super::command::{Action, Coolant, Output, PathMode, Spindle, Stop, Way};
 use super::modal::Modes;
 use super::outputs::PassedOutputs;
 
@@ -104,11 +104,16 @@ impl Passed {
             path_mode,
         } = self;
         let tool = effect.tool;
+        let mut spindle = effect.spindle;
+        if let Some(orientation) = &mut spindle.orientation {
+            // What it holds may be in the work.
+            orientation.way = Way::Shorter;
+        }
         let tool_change = Action::Stop(Stop::ToolChange { tool });
         let set_up = [
             (tool != now.tool).then_some(tool_change),
             (selected_tool != initial.selected_tool).then_some(Action::SelectTool(selected_tool)),
-            (effect.spindle != now.spindle).then_some(Action::Spindle(effect.spindle)),
+            (effect.spindle != now.spindle).then_some(Action::Spindle(spindle)),
             (effect.coolant != now.coolant).then_some(Action::Coolant(effect.coolant)),
         ];
         let set_up = set_up.into_iter().flatten();

@@ -9,18 +9,19 @@
 //! ```
 //!
 //! The loop goes on at the angle. Where the spindle is further off than a loop can take back that the drive's ramp bounds
-//! (about acceleration / gain², beyond which it would swing), it is braked, and led round anew from where it stands. The path rests until the spindle has stood there; one that is turned away from it while
-//! the path moves is a fault. A spindle that is not there in time is an operator's pause: cycle start waits for it once more,
-//! since nothing that needs an angle is to go on without it.
+//! (about acceleration / gain², beyond which it would swing), it is braked, and led round anew from where it stands: the way
+//! that the program says, or, once it has been there, the shorter one, as what it holds may be in the work.
+//!
+//! The path rests until the spindle has stood there; one that is turned away from it while the path moves is a fault. A
+//! spindle that is not there in time is an operator's pause: cycle start waits for it once more, since nothing that needs an
+//! angle is to go on without it.
 
 use super::layout::{OrientationSpec, SpindleSpec};
 use super::{Controller, Event, Fault, Pause, Phase};
-use syncline_canopen::time::Duration;
-use syncline_gcode::Orientation;
+use crate::machine::TURN;
+use syncline_gcode::{Orientation, Way};
 use syncline_trajectory::profile::{Profile, State};
 use syncline_trajectory::state_to_state;
-
-use crate::machine::TURN;
 
 /// What the spindle is told, and how far that has come.
 #[derive(Clone, Copy, Debug)]
@@ -136,7 +137,11 @@ impl<const N: usize> Controller<N> {
         let rests = u64::from(node.still()).min(stood) >= u64::from(still);
         if orienting.way.is_none() && fresh && rests {
             let from = State::at_rest(sample.turns);
-            let turns = told.way.turns(told.angle / TURN - sample.turns);
+            let way = match orienting.reached {
+                true => Way::Shorter,
+                false => told.way,
+            };
+            let turns = way.turns(told.angle / TURN - sample.turns);
             let to = State::at_rest(sample.turns + turns);
             let axis = state_to_state::Axis::new(from, to, spec.limits);
             let way = state_to_state::plan(&axis, 0.0).ok();
@@ -184,8 +189,8 @@ impl<const N: usize> Controller<N> {
     /// It was turned away for longer than a cut may go on without its speed.
     pub(super) fn watch_orientation(&self) -> Result<(), Fault> {
         let moves = self.phase == Phase::Program && self.planned.speed > 0.0;
-        let most: Duration = self.layout.speed_loss;
-        let is_off = (self.orienter.0).is_some_and(|it| it.off > self.cycles(most));
+        let most = self.cycles(self.layout.speed_loss);
+        let is_off = (self.orienter.0).is_some_and(|it| it.off > most);
         match self.off_angle().filter(|_| moves && is_off) {
             Some((off, allowed)) => Err(Fault::SpindleAngle { off, allowed }),
             None => Ok(()),

@@ -128,15 +128,15 @@ fn a_spindle_that_cannot_come_pauses_until_it_can() {
     assert!(off(angle(&mut rig, 1.0), 120.0).abs() < ALLOWED);
 }
 
-/// The angle that is measured slips by 3.4° from here on.
-fn slip(rig: &mut Rig) {
+/// What is measured slips by so many counts from here on.
+fn slip(rig: &mut Rig, counts: i32) {
     let told = CobId::t_pdo(1, NodeId::new(4).unwrap());
     rig.bus().doctor = Some(Box::new(move |received| {
         let frame = &received.frame;
         if let [s0, s1, p0, p1, p2, p3] = *frame.data()
             && frame.id() == told.into()
         {
-            let slipped = i32::from_le_bytes([p0, p1, p2, p3]) + 10_000;
+            let slipped = i32::from_le_bytes([p0, p1, p2, p3]) + counts;
             let [p0, p1, p2, p3] = slipped.to_le_bytes();
             received.frame = Frame::new(told, &[s0, s1, p0, p1, p2, p3]);
         }
@@ -148,11 +148,28 @@ fn slip(rig: &mut Rig) {
 fn what_slips_is_brought_back_by_the_loop() {
     let mut rig = drill("G21 G90\nM19 R30\nG1 X50 F1200\nM0\nM2\n");
     rig.run_until(|rig| rig.session.status().setpoint[0] > 10.0);
-    slip(&mut rig);
+    slip(&mut rig, 10_000);
     to_the_stop(&mut rig);
     let slipped = 360.0 * 10_000.0 / f64::from(1 << 20);
     let off = off(angle(&mut rig, 1.0) + slipped, 30.0);
     assert!(off.abs() < 0.2, "{off}°");
+}
+
+/// Further than the loop takes back: it is led back the way that it went, whatever P says.
+#[test]
+fn what_was_there_goes_back_the_shorter_way() {
+    let mut rig = drill("M19 R30 P1\nM0\nM2\n");
+    to_the_stop(&mut rig);
+    let before = angle(&mut rig, 1.0);
+    slip(&mut rig, 100_000);
+    for _ in 0..2000 {
+        rig.step();
+    }
+    let turned = angle(&mut rig, 1.0) - before;
+    assert!(
+        (turned + 360.0 * 100_000.0 / f64::from(1 << 20)).abs() < ALLOWED,
+        "{turned}°"
+    );
 }
 
 /// Turned away while axes move.
@@ -162,7 +179,7 @@ fn an_oriented_spindle_that_is_turned_away_stops_the_path() {
     rig.run_until(|rig| rig.session.status().setpoint[0] > 10.0);
     // Its coupling slips, and it is stuck there.
     rig.twin(SPINDLE).disturb(Disturbance::Block(true));
-    slip(&mut rig);
+    slip(&mut rig, 10_000);
     let fault = rig.finish_with_fault();
     assert!(matches!(fault, Fault::SpindleAngle { .. }), "{fault:?}");
     let text = fault.describe(&*rig.layout);
