@@ -68,13 +68,21 @@ fn what_it_cannot_be_told_is_refused_at_its_word() {
     );
 }
 
-/// A program that is begun behind it orients the spindle, and its end lets it go.
+/// A program that is begun behind it orients the spindle, the shorter way, and its end lets it go.
 #[test]
 fn it_is_a_mode() {
     let text = "M19 R45 P2\nG0 X1\nX2\nM2\n";
     let mut program = Interpreter::from_text("part.ngc", text, measured());
     let set_up = begun_at(&mut program, 3).unwrap();
-    let held = |action: &Action| matches!(action, Action::Spindle(spindle) if spindle.orientation.is_some_and(|it| it.angle == 45.0));
+    let orientation = Orientation {
+        angle: 45.0,
+        way: Way::Shorter,
+        within: None,
+    };
+    let held = |action: &Action| match action {
+        Action::Spindle(spindle) => spindle.orientation == Some(orientation),
+        _ => false,
+    };
     assert!(set_up.iter().any(held), "{set_up:?}");
     assert!(program.modes().to_string().contains(" M19 R45 P2"));
     assert!(program.by_ref().all(|command| command.is_ok()));
