@@ -261,6 +261,7 @@ fn explained(model: &Model, machine: &Machine) -> String {
     for (name, what) in values::values(model) {
         tell(name, what.trim_end());
     }
+    tell("offsets", &values::offsets(model));
     for (name, what) in model.signals.rows(status) {
         tell(name, &what);
     }

@@ -55,6 +55,22 @@ pub(super) fn distances(model: &Model) -> (&'static str, Vec<(&Axis, f64)>) {
     (if jogs { "stops in" } else { "to go" }, distances.collect())
 }
 
+/// Where the origin of the work coordinates is in the machine, by work offset, G92 and tool length together: axes whose origins
+/// differ, and by how much X and Y are turned.
+pub(super) fn offsets(model: &Model) -> String {
+    let status = &model.status;
+    let shifted = model.axes.iter().filter_map(|axis| {
+        let offset = status.offset[axis.letter.index()];
+        (offset != 0.0).then(|| format!("{}{offset:.3}", axis.letter))
+    });
+    let turned = (status.rotation != 0.0).then(|| format!("turned by {}°", status.rotation));
+    let all: Vec<_> = shifted.chain(turned).collect();
+    match all.is_empty() {
+        true => "none".to_owned(),
+        false => all.join(" "),
+    }
+}
+
 /// Speeds, overrides, tool, spindle, coolant and switches.
 pub(super) fn values(model: &Model) -> [(&'static str, String); 8] {
     let status = &model.status;
@@ -68,11 +84,13 @@ pub(super) fn values(model: &Model) -> [(&'static str, String); 8] {
     let (speed, actual) = (speed * 60.0, model.speed * 60.0);
     let on = |on: bool| if on { "on" } else { "off" };
     // By G96 it is a speed with any number of places.
-    let turns = (status.spindle.speed * 10.0).round() / 10.0;
-    let turning = match status.spindle.turning {
-        Turning::Off => (status.spindle.orientation).map_or("off".to_owned(), |it| it.to_string()),
-        Turning::Clockwise => format!("M3 S{turns}"),
-        Turning::Counterclockwise => format!("M4 S{turns}"),
+    let tenths = |value: f64| (value * 10.0).round() / 10.0;
+    let turns = tenths(status.spindle.speed);
+    let turning = match (status.spindle.turning, status.spindle.orientation) {
+        (Turning::Clockwise, _) => format!("M3 S{turns}"),
+        (Turning::Counterclockwise, _) => format!("M4 S{turns}"),
+        (Turning::Off, Some(held)) => format!("M19 R{}", tenths(held.angle)),
+        (Turning::Off, None) => "off".to_owned(),
     };
     let turns = status.spindle_actual;
     let turns = turns.map_or(String::new(), |it| format!(", turns at {:.0}", it.speed));

@@ -150,11 +150,13 @@ fn value_rows(model: &Model, width: u16) -> Vec<Line<'static>> {
     rows.collect()
 }
 
-/// What the drives do and what is on, a row each.
+/// The offsets, what the drives do and what is on, a row each.
 fn signal_rows(model: &Model, width: u16) -> Vec<Line<'static>> {
     let status = &model.status;
     let failed = status.drives.iter().any(|power| power.is_fault());
-    let rows = model.signals.rows(status).into_iter().map(|(name, text)| {
+    let offsets = ("offsets", values::offsets(model));
+    let rows = [offsets].into_iter().chain(model.signals.rows(status));
+    let rows = rows.map(|(name, text)| {
         let row = Line::raw(shortened(&format!(" {name:<9}{text}"), width.into()));
         match name == DRIVES && failed {
             true => row.style(Style::new().fg(Color::Red)),
@@ -275,7 +277,7 @@ mod tests {
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
     use syncline_drives::model::PowerState;
-    use syncline_gcode::Turning;
+    use syncline_gcode::{Orientation, Turning, Way};
 
     /// A portal in the midst of a program.
     fn model() -> Model {
@@ -444,6 +446,11 @@ mod tests {
             ),
             (mist, flood) in any::<(bool, bool)>(),
             (feed, rapid) in (0..=200u32, 0..=100u32),
+            angle in prop::option::of(0.0..360.0f64),
+            (offset, rotation) in (
+                prop::array::uniform3(select(vec![0.0, -1234.5678, 0.25])),
+                select(vec![0.0, -12.5]),
+            ),
             jog_step in select(vec![0.01, 0.1, 1.0, 10.0, 100.0]),
             (single_block, optional_stop, releases) in any::<(bool, bool, bool)>(),
         ) {
@@ -452,6 +459,11 @@ mod tests {
             status.velocity[0] = 0.0;
             status.velocity[if rotary { 3 } else { 1 }] = speed;
             (status.spindle.turning, status.spindle.speed) = (turning, told);
+            status.spindle.orientation = angle
+                .filter(|_| turning == Turning::Off)
+                .map(|angle| Orientation { angle, way: Way::Clockwise, within: None });
+            status.offset[..3].copy_from_slice(&offset);
+            status.rotation = rotation;
             status.spindle_actual = turns.map(|speed| SpindleSample { speed, turns: 0.0, age: 0 });
             (status.coolant.mist, status.coolant.flood) = (mist, flood);
             status.settings = Settings {
@@ -474,6 +486,17 @@ mod tests {
                 format!("stops    single block {}, M1 {}", on(single_block), on(optional_stop)),
             ];
             shown.extend(turns.map(|turns| format!(", turns at {turns:.0}")));
+            let held = model.status.spindle.orientation.filter(|_| turns.is_none());
+            shown.extend(held.map(|it| format!("M19 R{}", (it.angle * 10.0).round() / 10.0)));
+            let row = |axis: &str, offset: f64| (offset != 0.0).then(|| format!("{axis}{offset:.3}"));
+            let origins = ["X", "Y", "Z"].iter().zip(offset).filter_map(|(axis, it)| row(axis, it));
+            shown.extend(origins);
+            if rotation != 0.0 {
+                shown.push("turned by -12.5°".to_owned());
+            }
+            if offset == [0.0; 3] && rotation == 0.0 {
+                shown.push("offsets  none".to_owned());
+            }
             for text in shown {
                 prop_assert!(screen.contains(&format!("{text} ")) || screen.contains(&format!("{text}\"")), "{} in {}", text, screen);
             }
