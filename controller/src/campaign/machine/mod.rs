@@ -435,7 +435,7 @@ impl MachineSpec {
         spec.goes = true;
         // What begins to count as it is switched on has to stand at 0, and learns its place from an encoder.
         let begins = spec.soft_limits[0] <= 0.0 && spec.soft_limits[1] >= 0.0;
-        if !begins || dice.chance(0.4) {
+        if !begins || dice.chance(0.2) {
             return spec.take_drive(GOER);
         }
         spec.take_stepper();
