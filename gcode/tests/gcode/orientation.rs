@@ -3,29 +3,14 @@
 use std::time::Duration;
 
 use proptest::prelude::*;
-use syncline_gcode::{Action, Interpreter, Orientation, Setup, Spindle, Turning, Way};
+use syncline_gcode::{Action, Interpreter, Orientation, Turning, Way};
 
-use super::listing::{begun_at, refusal_with, run_with, xyz};
-
-fn measured() -> Setup {
-    let mut setup = xyz();
-    setup.has_spindle_angle = true;
-    setup
-}
-
-/// What the spindle is told, one after the other.
-fn told(text: &str) -> Vec<Spindle> {
-    let commands = run_with(measured(), text).unwrap();
-    let told = commands.iter().filter_map(|command| match command.action {
-        Action::Spindle(spindle) => Some(spindle),
-        _ => None,
-    });
-    told.collect()
-}
+use super::listing::{begun_at, refusal_with, xyz};
+use super::threads::{measured, spindles};
 
 #[test]
 fn it_turns_or_is_held_and_never_both() {
-    let told = told("M3 S500\nM19 R90\nM4\nM19 R360 P1 Q2.5\nM5\nM19\nM2\n");
+    let told = spindles("M3 S500\nM19 R90\nM4\nM19 R360 P1 Q2.5\nM5\nM19\nM2\n");
     let held = |angle, way, within| {
         let orientation = Some(Orientation { angle, way, within });
         (Turning::Off, orientation)
@@ -110,7 +95,7 @@ proptest! {
     #[test]
     fn its_code_asks_for_the_same(angle in 0.0..360.0_f64, way in 0..3_u32, seconds in prop::option::of(0.001..1e3_f64)) {
         let within = seconds.map_or(String::new(), |seconds| format!(" Q{seconds}"));
-        let asked = told(&format!("M19 R{angle} P{way}{within}\nM2\n"))[0].orientation;
-        prop_assert_eq!(told(&format!("{}\nM2\n", asked.unwrap()))[0].orientation, asked);
+        let asked = spindles(&format!("M19 R{angle} P{way}{within}\nM2\n"))[0].orientation;
+        prop_assert_eq!(spindles(&format!("{}\nM2\n", asked.unwrap()))[0].orientation, asked);
     }
 }

@@ -4,7 +4,7 @@ use syncline_gcode::{Action, Feed, Interpreter, Point, Setup, Spindle, Turning};
 
 use super::listing::{refusals_with, run_with, xyz};
 
-fn measured() -> Setup {
+pub(super) fn measured() -> Setup {
     let mut setup = xyz();
     setup.has_spindle_angle = true;
     setup.sets_spindle_speed = true;
@@ -262,7 +262,7 @@ fn what_a_feed_by_turns_lacks_is_told() {
 // --- G96 ---
 
 /// What a program tells its spindle.
-fn spindles(text: &str) -> Vec<Spindle> {
+pub(super) fn spindles(text: &str) -> Vec<Spindle> {
     let commands = run_with(measured(), text).unwrap();
     let told = commands.iter().filter_map(|command| match command.action {
         Action::Spindle(spindle) => Some(spindle),
