@@ -451,6 +451,8 @@ impl Outputs {
                     let what = "an output out of the program's order, place or time";
                     found.violate(NAME, scene, what, || self.describe(&job, group));
                     job.script = Script::unknown();
+                    // No group has a place in it any more.
+                    break;
                 }
             }
         }
