@@ -129,7 +129,7 @@ pub struct InputWait {
 /// What was at speed before a change may say so for so long after it.
 pub(super) const AT_SPEED_BEFORE: Duration = Duration::from_millis(100);
 
-/// How long the path has rested for an input.
+/// How long the path has rested for an input, or for the spindle's angle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Awaited {
     /// The cycle in which it began.
@@ -271,6 +271,20 @@ impl<const N: usize> Controller<N> {
         self.is_any_on(InputMeaning::AtSpeed)
     }
 
+    /// For how long the path has rested for what it awaits, and whether that was there in the cycle before.
+    pub(super) fn rested_for(&mut self, is_there: bool) -> (Duration, bool) {
+        let begun = Awaited {
+            since: self.cycle,
+            was: is_there,
+        };
+        let Awaited { since, was } = self.awaited.unwrap_or(begun);
+        self.awaited = Some(Awaited {
+            since,
+            was: is_there,
+        });
+        (self.layout.cycle * (self.cycle - since) as u32, was)
+    }
+
     /// Whether the input that the path rests for is there; `None` while neither it nor the time has come.
     pub(super) fn awaited(&mut self, wait: InputWait) -> Option<bool> {
         let on = self.is_any_on(wait.input);
@@ -278,19 +292,13 @@ impl<const N: usize> Controller<N> {
         // What its drive measures is no older than what it was told.
         let is_measured = at_speed && self.layout.spindle.is_some();
         let on = on || is_measured && self.is_spindle_at_speed();
-        let begun = Awaited {
-            since: self.cycle,
-            was: on,
-        };
-        let Awaited { since, was } = self.awaited.replace(begun).unwrap_or(begun);
+        let (waited, was) = self.rested_for(on);
         let came = match wait.until {
             Until::Rise => on && !was,
             Until::Fall => !on && was,
             Until::High => on,
             Until::Low => !on,
         };
-        self.awaited = Some(Awaited { since, was: on });
-        let waited = self.layout.cycle * (self.cycle - since) as u32;
         let lags = at_speed && !is_measured && waited < AT_SPEED_BEFORE;
         match came && !lags {
             true => Some(true),

@@ -310,9 +310,9 @@ impl<const N: usize> Controller<N> {
             if self.executor.is_off_path() {
                 self.executor.resume();
             }
-            match self.reached() {
-                Some(StopPoint::Orient { .. }) => self.oriented_since = None,
-                _ => self.executor.pass(),
+            // What needs an angle waits for it once more.
+            if !matches!(self.reached(), Some(StopPoint::Orient { .. })) {
+                self.executor.pass();
             }
             // Held besides, it stays so.
             self.tell(match self.executor.is_held() {

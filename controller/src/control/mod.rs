@@ -285,8 +285,6 @@ pub struct Controller<const N: usize> {
     switches: Switches,
     spindle: SpindleWatch,
     orienter: Orienter,
-    /// Since when the path rests for the spindle to come to its angle.
-    oriented_since: Option<u64>,
     inputs: Inputs,
     limit_switches: LimitSwitches,
     /// While the path rests at an M66.
@@ -372,7 +370,6 @@ impl<const N: usize> Controller<N> {
             switches: Switches::new(&layout),
             spindle: SpindleWatch::new(&layout),
             orienter: Orienter::default(),
-            oriented_since: None,
             inputs: Inputs::new(&layout.inputs, layout.cycle),
             limit_switches: LimitSwitches::new(&layout),
             awaited: None,

@@ -172,11 +172,13 @@ impl<const N: usize> Controller<N> {
         let Some((told, _, spec)) = self.orientation() else {
             return self.executor.pass();
         };
-        let since = *self.oriented_since.get_or_insert(self.cycle);
-        let waited = self.layout.cycle * (self.cycle - since) as u32;
-        if self.orienter.0.is_some_and(|it| it.reached && it.off == 0) {
+        let is_there = self.orienter.0.is_some_and(|it| it.reached && it.off == 0);
+        let (waited, _) = self.rested_for(is_there);
+        if is_there {
+            self.awaited = None;
             self.executor.pass();
         } else if waited >= told.within.unwrap_or(spec.within) {
+            self.awaited = None;
             self.pause_told = true;
             let reason = Pause::NotOriented;
             self.tell(Event::Paused { line, reason });

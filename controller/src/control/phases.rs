@@ -391,12 +391,11 @@ impl<const N: usize> Controller<N> {
         let waits_here = self.path_rests() && !self.executor.is_off_path();
         let is_theirs = matches!(self.reached(), Some(StopPoint::PointToPoint { .. }));
         self.let_go(waits_here && is_theirs && !self.executor.is_held());
-        let reached = self.reached();
-        if !matches!(reached, Some(StopPoint::AwaitInput { .. })) {
+        if !matches!(
+            self.reached(),
+            Some(StopPoint::AwaitInput { .. } | StopPoint::Orient { .. })
+        ) {
             self.awaited = None;
-        }
-        if !matches!(reached, Some(StopPoint::Orient { .. })) {
-            self.oriented_since = None;
         }
         if self.path_rests() && !self.switches.lag(self.executor.waypoints()) {
             self.serve_stop_point();
@@ -465,6 +464,9 @@ impl<const N: usize> Controller<N> {
     /// The path goes on with the input that it rests for, or rests until an operator goes on.
     fn await_input(&mut self, wait: InputWait, asks: bool, line: u32) {
         let came = self.awaited(wait);
+        if came.is_some() {
+            self.awaited = None;
+        }
         if let (Some(came), InputMeaning::Program(_)) = (came, wait.input) {
             self.input_result = match wait.until {
                 _ if !came => NOT_IN_TIME,
