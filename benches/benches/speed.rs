@@ -7,7 +7,7 @@ use std::time::Instant;
 use syncline_benches::cases::{Case, Class, Rng};
 use syncline_benches::peer::{Peer, input};
 use syncline_trajectory::profile::Profile;
-use syncline_trajectory::state_to_state::Axis;
+use syncline_trajectory::state_to_state::Problem;
 use syncline_trajectory::synchronise::{Synchronisation, plan};
 
 fn main() {
@@ -36,7 +36,7 @@ fn compare<const N: usize>(cases: usize, repeats: usize) {
         // Both planners have a plan.
         if peer.plan(&input).is_some() {
             problems.push((
-                problem.map(|c| Axis::new(c.start, c.target, c.limits)),
+                problem.map(|c| Problem::new(c.start, c.target, c.limits)),
                 input,
             ));
         }

@@ -3,7 +3,7 @@
 use crate::cases::{Case, Class, Rng, is_inside};
 use crate::peer::{Peer, input};
 use syncline_trajectory::profile::Profile;
-use syncline_trajectory::state_to_state::{Axis, plan};
+use syncline_trajectory::state_to_state::{Problem, plan};
 use syncline_trajectory::synchronise::{self, Synchronisation};
 use syncline_trajectory::verify;
 
@@ -49,13 +49,13 @@ pub fn run(class: Class, cases: u64, seed: u64, mut report: impl FnMut(&str, &Ca
     for _ in 0..cases {
         let case = class.draw(&mut rng);
         tally.cases += 1;
-        let axis = Axis::new(case.start, case.target, case.limits);
-        let Ok(ours) = plan(&axis, 0.0) else {
+        let problem = Problem::new(case.start, case.target, case.limits);
+        let Ok(ours) = plan(&problem, 0.0) else {
             tally.failed += 1;
             report("failed", &case, 0.0);
             continue;
         };
-        let certificate = verify::axis(&ours, &axis);
+        let certificate = verify::axis(&ours, &problem);
         tally.limit_excess = tally.limit_excess.max(certificate.limit_excess);
         if !certificate.holds(TOLERANCE) {
             tally.unsound += 1;
@@ -74,7 +74,7 @@ pub fn run(class: Class, cases: u64, seed: u64, mut report: impl FnMut(&str, &Ca
         };
         let sound = peer
             .profile(0, &case)
-            .is_some_and(|p| verify::axis(&p, &axis).holds(TOLERANCE));
+            .is_some_and(|p| verify::axis(&p, &problem).holds(TOLERANCE));
         if !sound {
             tally.peer_unsound += 1;
             continue;
@@ -141,7 +141,7 @@ pub fn together(cases: u64, seed: u64, mut report: impl FnMut(&str, &[Case; 3], 
                 case.target.p = case.start.p + rng.uniform(-1.0, 1.0);
             }
         }
-        let axes = problem.map(|c| Axis::new(c.start, c.target, c.limits));
+        let axes = problem.map(|c| Problem::new(c.start, c.target, c.limits));
         let mut profiles = axes.map(|a| Profile::new(a.start));
         tally.cases += 1;
         let Ok(duration) = synchronise::plan(&axes, Synchronisation::Time, 0.0, &mut profiles)

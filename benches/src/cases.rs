@@ -2,7 +2,7 @@
 
 use syncline_trajectory::limits::Limits;
 use syncline_trajectory::profile::State;
-use syncline_trajectory::state_to_state::{Axis, plan};
+use syncline_trajectory::state_to_state::{Problem, plan};
 
 /// A problem for one axis.
 #[derive(Clone, Copy, Debug)]
@@ -148,8 +148,8 @@ impl Class {
             if rng.chance(0.5) {
                 (case.target.v, case.target.a) = (0.0, 0.0);
             }
-            let axis = Axis::new(case.start, case.target, case.limits);
-            if let Ok(plan) = plan(&axis, 0.0) {
+            let problem = Problem::new(case.start, case.target, case.limits);
+            if let Ok(plan) = plan(&problem, 0.0) {
                 case.start = plan.at(plan.duration() * rng.unit());
             }
         }

@@ -3,7 +3,7 @@
 use crate::cases::{Case, Class, Rng, inside, is_inside};
 use syncline_trajectory::limits::Limits;
 use syncline_trajectory::profile::{Profile, State};
-use syncline_trajectory::state_to_state::{Axis, plan};
+use syncline_trajectory::state_to_state::{Problem, plan};
 use syncline_trajectory::synchronise::{self, Synchronisation};
 use syncline_trajectory::verify;
 
@@ -34,7 +34,8 @@ impl Count {
 }
 
 fn duration(case: &Case) -> f64 {
-    plan(&Axis::new(case.start, case.target, case.limits), 0.0).map_or(f64::NAN, |p| p.duration())
+    plan(&Problem::new(case.start, case.target, case.limits), 0.0)
+        .map_or(f64::NAN, |p| p.duration())
 }
 
 fn each(case: &Case, length: f64, time: f64) -> Case {
@@ -220,13 +221,13 @@ pub fn replanning(points: u64, seed: u64) -> Count {
             [rng.below(3) as usize]
             .draw(&mut rng);
         (case.target.v, case.target.a) = (0.0, 0.0);
-        let Ok(first) = plan(&Axis::new(case.start, case.target, case.limits), 0.0) else {
+        let Ok(first) = plan(&Problem::new(case.start, case.target, case.limits), 0.0) else {
             continue;
         };
         let whole = first.duration();
         for _ in 0..20 {
             let t = rng.unit() * whole;
-            let Ok(second) = plan(&Axis::new(first.at(t), case.target, case.limits), 0.0) else {
+            let Ok(second) = plan(&Problem::new(first.at(t), case.target, case.limits), 0.0) else {
                 count.cases += 1;
                 count.broken += 1;
                 continue;
@@ -260,7 +261,7 @@ pub fn lowering(cases: u64, seed: u64) -> Count {
         }
         limits.v_max = lowered;
         let stop = |from: State| {
-            plan(&Axis::to_velocity(from, 0.0, limits), 0.0).map_or(f64::NAN, |p| p.end().p)
+            plan(&Problem::to_velocity(from, 0.0, limits), 0.0).map_or(f64::NAN, |p| p.end().p)
         };
         let cruising = State {
             p: 0.0,
@@ -268,12 +269,12 @@ pub fn lowering(cases: u64, seed: u64) -> Count {
             a: 0.0,
         };
         let beyond = 4.0 * (stop(start) + stop(cruising)) + lowered;
-        let axis = Axis::new(start, State::at_rest(beyond), limits);
-        let Ok(profile) = plan(&axis, 0.0) else {
+        let problem = Problem::new(start, State::at_rest(beyond), limits);
+        let Ok(profile) = plan(&problem, 0.0) else {
             count.take(f64::INFINITY, 0.0, || false);
             continue;
         };
-        let certificate = verify::axis(&profile, &axis);
+        let certificate = verify::axis(&profile, &problem);
         // From the first instant at the limit to the last, nothing below it.
         let (mut t, mut lowest) = (0.0, f64::INFINITY);
         let mut last = 0.0;
@@ -331,7 +332,7 @@ pub fn lines(cases: u64, seed: u64) -> Count {
         } else {
             0.5 * narrow.v_max
         };
-        let axes: [Axis; 3] = [0, 1, 2].map(|i| {
+        let axes: [Problem; 3] = [0, 1, 2].map(|i| {
             let p = rng.uniform(-100.0, 100.0);
             let start = State {
                 p,
@@ -343,7 +344,7 @@ pub fn lines(cases: u64, seed: u64) -> Count {
                 v: target * along[i],
                 a: 0.0,
             };
-            Axis::new(start, target, limits[i])
+            Problem::new(start, target, limits[i])
         });
         let mut profiles = axes.map(|a| Profile::new(a.start));
         let Ok(duration) = synchronise::plan(&axes, Synchronisation::Line, 0.0, &mut profiles)
@@ -351,7 +352,7 @@ pub fn lines(cases: u64, seed: u64) -> Count {
             count.take(f64::INFINITY, 0.0, || false);
             continue;
         };
-        let one = Axis::new(
+        let one = Problem::new(
             State { p: 0.0, v, a },
             State {
                 p: 1.0,

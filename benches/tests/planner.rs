@@ -6,7 +6,7 @@ use syncline_benches::peer::{Peer, input};
 use syncline_benches::properties::{brute_force, lines, lowering, metamorphic, replanning};
 use syncline_trajectory::limits::Limits;
 use syncline_trajectory::profile::State;
-use syncline_trajectory::state_to_state::{Axis, plan};
+use syncline_trajectory::state_to_state::{Problem, plan};
 use syncline_trajectory::verify;
 
 #[test]
@@ -58,15 +58,15 @@ fn planning_again_to_a_velocity_keeps_the_better_plan() {
     for _ in 0..20_000 {
         let case = [Class::TargetVelocity, Class::Generic, Class::AtLimits][rng.below(3) as usize]
             .draw(&mut rng);
-        let axis = Axis::new(case.start, case.target, case.limits);
-        let Ok(first) = plan(&axis, 0.0) else {
+        let problem = Problem::new(case.start, case.target, case.limits);
+        let Ok(first) = plan(&problem, 0.0) else {
             continue;
         };
         let (mut running, mut elapsed, mut arrival) = (first, 0.0, first.duration());
         for _ in 0..10 {
             elapsed += rng.log(1e-15, 0.3) * (running.duration() - elapsed);
             let start = running.at(elapsed);
-            let again = plan(&Axis { start, ..axis }, 0.0).unwrap();
+            let again = plan(&Problem { start, ..problem }, 0.0).unwrap();
             let left = running.duration() - elapsed;
             longer += u32::from(again.duration() > left * (1.0 + 1e-9));
             if again.duration() < left {
@@ -138,9 +138,9 @@ fn what_once_was_wrong_is_right() {
                 ..Limits::symmetric(v_max, a_max, j_max)
             },
         };
-        let axis = Axis::new(case.start, case.target, case.limits);
-        let profile = plan(&axis, 0.0).unwrap();
-        let certificate = verify::axis(&profile, &axis);
+        let problem = Problem::new(case.start, case.target, case.limits);
+        let profile = plan(&problem, 0.0).unwrap();
+        let certificate = verify::axis(&profile, &problem);
         assert!(certificate.holds(1e-12), "{case:?}: {certificate:?}");
         if is_inside(&case.start, &case.limits) {
             let theirs = Peer::<1>::default().plan(&input(&[case])).unwrap();
@@ -164,8 +164,8 @@ fn a_duration_beyond_the_gap_of_a_near_limit_change_is_sound() {
         a: 0.006534423445564944,
     };
     let limits = Limits::symmetric(7.261982640774658, 0.13149003864013592, 8.48690887080396);
-    let axis = Axis::new(start, target, limits);
-    let profile = plan(&axis, 36.2).unwrap();
+    let problem = Problem::new(start, target, limits);
+    let profile = plan(&problem, 36.2).unwrap();
     assert!(profile.duration() > 220.0);
-    assert!(verify::axis(&profile, &axis).holds(1e-12));
+    assert!(verify::axis(&profile, &problem).holds(1e-12));
 }

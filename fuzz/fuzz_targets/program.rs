@@ -8,7 +8,7 @@ use std::path::Path;
 use std::sync::LazyLock;
 use syncline_controller::machine::Machine;
 use syncline_controller::program::{ProgramError, Programs};
-use syncline_gcode::{Axis, AxisSet, Interpreter, Setup, Tables};
+use syncline_gcode::{AxisLetter, AxisSet, Interpreter, Setup, Tables};
 
 /// Blocks and moves of a program at most.
 const MOST: u64 = 2000;
@@ -35,7 +35,7 @@ fn three_axes() -> Setup {
 /// Every axis that there is, and no limits.
 fn nine_axes() -> Setup {
     let mut axes = AxisSet::default();
-    Axis::ALL.into_iter().for_each(|axis| axes.insert(axis));
+    AxisLetter::ALL.into_iter().for_each(|axis| axes.insert(axis));
     let mut setup = Setup::new(axes);
     setup.inputs = 0b1111;
     setup

@@ -3,14 +3,14 @@
 
 use libfuzzer_sys::fuzz_target;
 use std::path::Path;
-use syncline_gcode::{Axis, AxisSet, Interpreter, Setup, Tables};
+use syncline_gcode::{AxisLetter, AxisSet, Interpreter, Setup, Tables};
 
 fuzz_target!(|text: &str| {
     match Tables::parse(Path::new("tables.toml"), text) {
         Err(mistakes) => assert!(mistakes.to_string().contains("tables.toml")),
         Ok(tables) => {
             let mut axes = AxisSet::default();
-            Axis::ALL.into_iter().for_each(|axis| axes.insert(axis));
+            AxisLetter::ALL.into_iter().for_each(|axis| axes.insert(axis));
             let mut setup = Setup::new(axes);
             setup.tables = tables.clone();
             // Every offset in turn, and a tool that may be there.

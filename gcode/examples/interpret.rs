@@ -1,7 +1,7 @@
 //! Interprets a program and prints what it asks of the machine, in machine coordinates.
 //! `cargo run -p syncline-gcode --example interpret`
 
-use syncline_gcode::{Action, Axis, AxisSet, Error, Interpreter, Setup};
+use syncline_gcode::{Action, AxisLetter, AxisSet, Error, Interpreter, Setup};
 
 const PROGRAM: &str = "
 G21 G90 G54 F600
@@ -17,16 +17,18 @@ M2
 fn main() -> Result<(), Error> {
     // The machine as far as a program needs it: axes, soft limits, work offsets.
     let mut setup = Setup::new(AxisSet::XYZ);
-    setup.limits[Axis::X.index()] = Some((0.0, 500.0));
-    setup.tables.work_offsets[0][Axis::X] = 100.0;
+    setup.limits[AxisLetter::X.index()] = Some((0.0, 500.0));
+    setup.tables.work_offsets[0][AxisLetter::X] = 100.0;
 
     let mut ends = Vec::new();
     for command in Interpreter::from_text("square.ngc", PROGRAM, setup) {
         let command = command?;
         println!("line {}: {:?}", command.span.line, command.action);
         match command.action {
-            Action::Rapid { to } | Action::Feed { to, .. } => ends.push((to[Axis::X], to[Axis::Y])),
-            Action::Arc { arc, .. } => ends.push((arc.to[Axis::X], arc.to[Axis::Y])),
+            Action::Rapid { to } | Action::Feed { to, .. } => {
+                ends.push((to[AxisLetter::X], to[AxisLetter::Y]))
+            }
+            Action::Arc { arc, .. } => ends.push((arc.to[AxisLetter::X], arc.to[AxisLetter::Y])),
             _ => {}
         }
     }
@@ -41,7 +43,7 @@ fn main() -> Result<(), Error> {
 
     // What cannot be is refused with its place and what to do.
     let mut setup = Setup::new(AxisSet::XYZ);
-    setup.limits[Axis::X.index()] = Some((0.0, 500.0));
+    setup.limits[AxisLetter::X.index()] = Some((0.0, 500.0));
     let mut program = Interpreter::from_text("far.ngc", "G0 X501\nM2\n", setup);
     let refusal = program.find_map(Result::err).expect("X leaves its travel");
     println!("{refusal}");

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::axes::{Axis, Point};
+use super::axes::{AxisLetter, Point};
 use super::error::Fault;
 use super::modal::Code;
 
@@ -33,11 +33,11 @@ pub enum Plane {
 
 impl Plane {
     /// First and second axis of the plane, right-handed, and the one perpendicular to it.
-    pub const fn axes(self) -> [Axis; 3] {
+    pub const fn axes(self) -> [AxisLetter; 3] {
         match self {
-            Plane::Xy => [Axis::X, Axis::Y, Axis::Z],
-            Plane::Zx => [Axis::Z, Axis::X, Axis::Y],
-            Plane::Yz => [Axis::Y, Axis::Z, Axis::X],
+            Plane::Xy => [AxisLetter::X, AxisLetter::Y, AxisLetter::Z],
+            Plane::Zx => [AxisLetter::Z, AxisLetter::X, AxisLetter::Y],
+            Plane::Yz => [AxisLetter::Y, AxisLetter::Z, AxisLetter::X],
         }
     }
 
@@ -291,7 +291,7 @@ impl Arc {
     }
 
     /// Least and greatest value that an axis takes on the whole arc.
-    pub fn extent(&self, axis: Axis) -> (f64, f64) {
+    pub fn extent(&self, axis: AxisLetter) -> (f64, f64) {
         let (from, to) = (self.from[axis], self.to[axis]);
         let (mut least, mut greatest) = (from.min(to), from.max(to));
         let [first, second, _] = self.plane.axes();

@@ -5,7 +5,7 @@ use std::ops::{Index, IndexMut};
 
 /// An axis by its program letter. X Y Z U V W are linear (mm), A B C rotary (degrees).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
-pub enum Axis {
+pub enum AxisLetter {
     /// Linear.
     X,
     /// Linear.
@@ -26,21 +26,21 @@ pub enum Axis {
     W,
 }
 
-impl Axis {
+impl AxisLetter {
     /// All axes in the order in which RS-274/NGC numbers them.
-    pub const ALL: [Axis; 9] = [
-        Axis::X,
-        Axis::Y,
-        Axis::Z,
-        Axis::A,
-        Axis::B,
-        Axis::C,
-        Axis::U,
-        Axis::V,
-        Axis::W,
+    pub const ALL: [AxisLetter; 9] = [
+        AxisLetter::X,
+        AxisLetter::Y,
+        AxisLetter::Z,
+        AxisLetter::A,
+        AxisLetter::B,
+        AxisLetter::C,
+        AxisLetter::U,
+        AxisLetter::V,
+        AxisLetter::W,
     ];
 
-    /// The axis's place in [`Axis::ALL`].
+    /// The axis's place in [`AxisLetter::ALL`].
     pub const fn index(self) -> usize {
         self as usize
     }
@@ -53,31 +53,33 @@ impl Axis {
     /// The same as a text.
     pub const fn name(self) -> &'static str {
         match self {
-            Axis::X => "X",
-            Axis::Y => "Y",
-            Axis::Z => "Z",
-            Axis::A => "A",
-            Axis::B => "B",
-            Axis::C => "C",
-            Axis::U => "U",
-            Axis::V => "V",
-            Axis::W => "W",
+            AxisLetter::X => "X",
+            AxisLetter::Y => "Y",
+            AxisLetter::Z => "Z",
+            AxisLetter::A => "A",
+            AxisLetter::B => "B",
+            AxisLetter::C => "C",
+            AxisLetter::U => "U",
+            AxisLetter::V => "V",
+            AxisLetter::W => "W",
         }
     }
 
     /// The axis of a letter in either case.
-    pub fn from_letter(letter: char) -> Option<Axis> {
+    pub fn from_letter(letter: char) -> Option<AxisLetter> {
         let letter = letter.to_ascii_uppercase();
-        Axis::ALL.into_iter().find(|axis| axis.letter() == letter)
+        AxisLetter::ALL
+            .into_iter()
+            .find(|axis| axis.letter() == letter)
     }
 
     /// Whether the axis is measured in mm; otherwise in degrees.
     pub const fn is_linear(self) -> bool {
-        !matches!(self, Axis::A | Axis::B | Axis::C)
+        !matches!(self, AxisLetter::A | AxisLetter::B | AxisLetter::C)
     }
 }
 
-impl Axis {
+impl AxisLetter {
     /// Units of its position, velocity, acceleration and jerk.
     pub const fn units(self) -> [&'static str; 4] {
         if self.is_linear() {
@@ -88,7 +90,7 @@ impl Axis {
     }
 }
 
-impl fmt::Display for Axis {
+impl fmt::Display for AxisLetter {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.letter())
     }
@@ -105,12 +107,12 @@ impl AxisSet {
     pub const XYZ: AxisSet = AxisSet(0b111);
 
     /// Whether the set has the axis.
-    pub const fn contains(self, axis: Axis) -> bool {
+    pub const fn contains(self, axis: AxisLetter) -> bool {
         self.0 & (1 << axis.index()) != 0
     }
 
     /// Adds an axis.
-    pub fn insert(&mut self, axis: Axis) {
+    pub fn insert(&mut self, axis: AxisLetter) {
         self.0 |= 1 << axis.index();
     }
 
@@ -119,16 +121,16 @@ impl AxisSet {
         self.0 == 0
     }
 
-    /// The axes in the order of [`Axis::ALL`].
-    pub fn iter(self) -> impl Iterator<Item = Axis> {
-        Axis::ALL
+    /// The axes in the order of [`AxisLetter::ALL`].
+    pub fn iter(self) -> impl Iterator<Item = AxisLetter> {
+        AxisLetter::ALL
             .into_iter()
             .filter(move |axis| self.contains(*axis))
     }
 }
 
-impl FromIterator<Axis> for AxisSet {
-    fn from_iter<T: IntoIterator<Item = Axis>>(axes: T) -> Self {
+impl FromIterator<AxisLetter> for AxisSet {
+    fn from_iter<T: IntoIterator<Item = AxisLetter>>(axes: T) -> Self {
         let mut set = AxisSet::default();
         axes.into_iter().for_each(|axis| set.insert(axis));
         set
@@ -170,16 +172,16 @@ impl Point {
     }
 }
 
-impl Index<Axis> for Point {
+impl Index<AxisLetter> for Point {
     type Output = f64;
 
-    fn index(&self, axis: Axis) -> &f64 {
+    fn index(&self, axis: AxisLetter) -> &f64 {
         &self.0[axis.index()]
     }
 }
 
-impl IndexMut<Axis> for Point {
-    fn index_mut(&mut self, axis: Axis) -> &mut f64 {
+impl IndexMut<AxisLetter> for Point {
+    fn index_mut(&mut self, axis: AxisLetter) -> &mut f64 {
         &mut self.0[axis.index()]
     }
 }

@@ -4,7 +4,7 @@
 //! (G10 L2 R), and shifted by the work offset and the tool: the order of RS-274/NGC. [`WorkCoordinates`] say the
 //! same as one turn and one shift behind it.
 
-use super::axes::{Axis, AxisSet, Point};
+use super::axes::{AxisLetter, AxisSet, Point};
 
 /// The greatest angle by which work is turned, either way, degrees.
 pub(crate) const ROTATION_LIMIT: f64 = 360.0;
@@ -43,7 +43,7 @@ impl WorkCoordinates {
     pub fn place(&self, given: &[Option<f64>; 9], from: Point) -> [Option<f64>; 9] {
         let mut place = self.to_program(from);
         let mut words = AxisSet::default();
-        for (axis, value) in Axis::ALL.into_iter().zip(given) {
+        for (axis, value) in AxisLetter::ALL.into_iter().zip(given) {
             if let Some(value) = value {
                 place[axis] = *value;
                 words.insert(axis);
@@ -51,12 +51,12 @@ impl WorkCoordinates {
         }
         let place = self.to_machine(place);
         let moved = self.moved_by(words);
-        Axis::ALL.map(|axis| moved.contains(axis).then(|| place[axis]))
+        AxisLetter::ALL.map(|axis| moved.contains(axis).then(|| place[axis]))
     }
 
     /// The axes of the machine that words of these axes move: X and Y together where they are turned.
     pub(crate) fn moved_by(&self, mut words: AxisSet) -> AxisSet {
-        let plane = [Axis::X, Axis::Y];
+        let plane = [AxisLetter::X, AxisLetter::Y];
         if self.rotation != 0.0 && plane.into_iter().any(|axis| words.contains(axis)) {
             plane.into_iter().for_each(|axis| words.insert(axis));
         }
@@ -67,10 +67,10 @@ impl WorkCoordinates {
 /// A point turned in X and Y about the origin, counterclockwise; by 0 it stays as it is to the last bit.
 fn turned(point: Point, degrees: f64) -> Point {
     let (sine, cosine) = libm::sincos(degrees.to_radians());
-    let (x, y) = (point[Axis::X], point[Axis::Y]);
+    let (x, y) = (point[AxisLetter::X], point[AxisLetter::Y]);
     let mut turned = point;
-    turned[Axis::X] = x * cosine - y * sine;
-    turned[Axis::Y] = x * sine + y * cosine;
+    turned[AxisLetter::X] = x * cosine - y * sine;
+    turned[AxisLetter::Y] = x * sine + y * cosine;
     turned
 }
 

@@ -4,7 +4,7 @@
 
 use std::collections::VecDeque;
 
-use super::axes::Axis;
+use super::axes::AxisLetter;
 use super::command::{Action, PathMode, Turning};
 use super::error::{Fault, Refusal};
 use super::execute::{DWELL_LIMIT, State};
@@ -109,7 +109,7 @@ pub(crate) struct Series {
 
 /// The levels of one block's cycles along the axis across the plane, machine coordinates.
 struct Levels {
-    axis: Axis,
+    axis: AxisLetter,
     bottom: f64,
     retract: f64,
     clear: f64,
@@ -329,7 +329,7 @@ struct Hole<'a> {
     columns: Columns,
     commands: &'a mut VecDeque<Action>,
     code: Code,
-    axis: Axis,
+    axis: AxisLetter,
 }
 
 impl Hole<'_> {

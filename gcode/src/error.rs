@@ -2,7 +2,7 @@
 
 use std::io;
 
-use super::axes::{Axis, AxisSet};
+use super::axes::{AxisLetter, AxisSet};
 use super::command::Span;
 use super::lexer::Columns;
 use super::modal::Code;
@@ -175,14 +175,14 @@ pub enum Fault {
     },
     #[error("{axis} would go to {value}: coordinates end at ±{allowed}")]
     Coordinate {
-        axis: Axis,
+        axis: AxisLetter,
         value: f64,
         allowed: f64,
     },
 
     // Words.
     #[error("the machine has no axis {axis}: use {axes}")]
-    NoSuchAxis { axis: Axis, axes: AxisSet },
+    NoSuchAxis { axis: AxisLetter, axes: AxisSet },
     #[error("{0} is not a code of this controller: remove it")]
     UnknownCode(Code),
     #[error("{code} is not supported: {reason}")]
@@ -302,9 +302,9 @@ pub enum Fault {
     #[error("{code} stops a spindle that does not turn: write M3 or M4 before")]
     CycleSpindle { code: Code },
     #[error("{code} does not move {axis}: use the axes of the plane and the one across it")]
-    CycleAxis { code: Code, axis: Axis },
+    CycleAxis { code: Code, axis: AxisLetter },
     #[error("{code} would start below its end: raise R, or lower {axis}")]
-    CycleBelow { code: Code, axis: Axis },
+    CycleBelow { code: Code, axis: AxisLetter },
     #[error("the block makes more than {allowed} moves: correct Q or L")]
     CycleTooLong { allowed: usize },
     #[error(
@@ -312,7 +312,7 @@ pub enum Fault {
          coordinates): move the work, the offset or the limit"
     )]
     SoftLimit {
-        axis: Axis,
+        axis: AxisLetter,
         value: f64,
         least: f64,
         greatest: f64,
@@ -324,7 +324,7 @@ pub enum Fault {
     #[error(
         "{code} does not home {axis}: it has no [axis.homing] in the machine file, and knows where it is"
     )]
-    HomeAbsolute { code: Code, axis: Axis },
+    HomeAbsolute { code: Code, axis: AxisLetter },
     #[error(
         "{code} homes no axis without its name: name those that an operator homes by hand, or remove it where all know \
          where they are"
@@ -351,7 +351,7 @@ pub enum Fault {
     #[error("{code} is for X and Z: write G18 before")]
     ThreadingPlane { code: Code },
     #[error("{code} goes along Z from where the axes are: move {axis} there before")]
-    ThreadingAxis { code: Code, axis: Axis },
+    ThreadingAxis { code: Code, axis: AxisLetter },
     #[error(
         "{code} cuts straight passes: remove E and L, and begin and end beside the work, or in a groove"
     )]
@@ -361,7 +361,7 @@ pub enum Fault {
     #[error("{code} leads nowhere: write where the thread ends")]
     ThreadNowhere { code: Code },
     #[error("{code} moves along X Y Z only: move {axis} there before")]
-    ThreadAxis { code: Code, axis: Axis },
+    ThreadAxis { code: Code, axis: AxisLetter },
     #[error("{code} is not possible while G41 or G42 is on: write G40 and a line before")]
     ThreadCompensated { code: Code },
 
@@ -375,7 +375,7 @@ pub enum Fault {
     #[error("{code} ends where it begins: write a place at least 0.254 mm (0.01 inch) away")]
     ProbeTooShort { code: Code },
     #[error("{code} does not turn {axis}: move it there before")]
-    ProbeTurns { code: Code, axis: Axis },
+    ProbeTurns { code: Code, axis: AxisLetter },
     #[error("{code} is not possible under {mode}: write G94 and a feed per minute")]
     ProbeFeedMode { code: Code, mode: Code },
     #[error("{code} is not possible while G41 or G42 is on: write G40 and a line before")]
@@ -400,7 +400,7 @@ pub enum Fault {
     #[error("{code} is a curve in X and Y: write G17 before")]
     SplinePlane { code: Code },
     #[error("{code} does not move {axis}: it is a curve in X and Y")]
-    SplineAxis { code: Code, axis: Axis },
+    SplineAxis { code: Code, axis: AxisLetter },
     #[error("the spline is a point: correct its end or its control points")]
     SplineNowhere,
     #[error("its weights turn the curve too sharply: correct P, or write lines and arcs")]

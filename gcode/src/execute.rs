@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 
 use super::Setup;
 use super::arc::Plane;
-use super::axes::{Axis, Point};
+use super::axes::{AxisLetter, Point};
 use super::block::{Block, Target};
 use super::command::{Action, PathMode, Stop};
 use super::compensation::Cutter;
@@ -143,7 +143,7 @@ impl State {
         let mut stack = std::mem::take(&mut self.stack);
         let mut words = Words::default();
         for word in &block.words {
-            if let Some(axis) = Axis::from_letter(char::from(word.letter))
+            if let Some(axis) = AxisLetter::from_letter(char::from(word.letter))
                 && !self.setup.axes.contains(axis)
             {
                 let axes = self.setup.axes;

@@ -51,7 +51,7 @@ mod threading_cycle;
 mod words;
 
 pub use arc::{Arc, Direction, Plane, RADIUS_RATIO, RADIUS_TOLERANCE};
-pub use axes::{Axis, AxisSet, Point};
+pub use axes::{AxisLetter, AxisSet, Point};
 pub use command::{
     ANALOG_INPUTS, ANALOG_OUTPUTS, Action, Command, Coolant, DIGITAL_INPUTS, DIGITAL_OUTPUTS, Feed,
     InputWait, Orientation, Output, PathMode, Probe, Span, Spindle, Stop, Surface, TakenInput,
@@ -87,7 +87,7 @@ pub struct Setup {
     /// Work offsets, reference points and tools; the interpreter keeps what the program makes of
     /// them, see [`Interpreter::tables`].
     pub tables: Tables,
-    /// Soft limits by [`Axis::index`]: least and greatest machine coordinate. A motion that leaves
+    /// Soft limits by [`AxisLetter::index`]: least and greatest machine coordinate. A motion that leaves
     /// them anywhere is refused.
     pub limits: [Option<(f64, f64)>; 9],
     /// What the programs before have left; the interpreter keeps what this one makes of it, see
@@ -105,7 +105,7 @@ pub struct Setup {
     pub has_spindle_angle: bool,
     /// Whether there is a probe for G38.2 to G38.5.
     pub has_probe: bool,
-    /// By [`Axis::index`], what G28.2 does with the axis; `None`: it knows where it is.
+    /// By [`AxisLetter::index`], what G28.2 does with the axis; `None`: it knows where it is.
     pub homed: [Option<Homed>; 9],
     /// Whether the spindle turns at an S that changes, for G96.
     pub sets_spindle_speed: bool,

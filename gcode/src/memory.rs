@@ -1,7 +1,7 @@
 //! What lives from one program, or typed line, to the next: the modal state, the offset of the tool
 //! and the parameters. Offsets and tools themselves are in the [`Tables`](super::Tables).
 
-use super::axes::{Axis, Point};
+use super::axes::{AxisLetter, Point};
 use super::command::{Coolant, PathMode, Spindle};
 use super::coordinates::WorkCoordinates;
 use super::modal::{Modes, Motion};
@@ -85,7 +85,7 @@ impl Memory {
 
     /// Words for these positions in the units in effect, as G10 takes them: ` X0 Y1.5`.
     pub fn words(&self, positions: &[Option<f64>; 9]) -> String {
-        let word = |(axis, position): (Axis, &Option<f64>)| {
+        let word = |(axis, position): (AxisLetter, &Option<f64>)| {
             let unit = if axis.is_linear() {
                 self.modes.unit()
             } else {
@@ -93,7 +93,7 @@ impl Memory {
             };
             position.map(|position| format!(" {axis}{}", position / unit))
         };
-        Axis::ALL
+        AxisLetter::ALL
             .into_iter()
             .zip(positions)
             .filter_map(word)

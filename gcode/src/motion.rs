@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::arc::{Arc, Direction, Plane};
-use super::axes::{Axis, COORDINATE_LIMIT, Point};
+use super::axes::{AxisLetter, COORDINATE_LIMIT, Point};
 use super::block::Block;
 use super::command::{Action, Feed, Probe, Spindle, Turning};
 use super::coordinates::sum;
@@ -148,7 +148,7 @@ impl State {
                 }
             }
             _ => {
-                let first = Axis::ALL
+                let first = AxisLetter::ALL
                     .iter()
                     .filter_map(|axis| words.columns(axis.letter() as u8))
                     .min_by_key(|columns| columns.start);
@@ -255,7 +255,7 @@ impl State {
                 return Err(words.refuse(letter, Fault::PolarMachine));
             }
             let place = coordinates.to_machine(self.polar(from, words, code)?);
-            for axis in [Axis::X, Axis::Y] {
+            for axis in [AxisLetter::X, AxisLetter::Y] {
                 to[axis] = place[axis];
             }
         }
@@ -288,14 +288,14 @@ impl State {
             return Err(words.refuse(letter, Fault::PolarPlane));
         }
         let axes = self.setup.axes;
-        if let Some(axis) = [Axis::X, Axis::Y]
+        if let Some(axis) = [AxisLetter::X, AxisLetter::Y]
             .into_iter()
             .find(|axis| !axes.contains(*axis))
         {
             return Err(words.refuse(letter, Fault::NoSuchAxis { axis, axes }));
         }
         let mut point = self.coordinates().to_program(from);
-        let [x, y] = [point[Axis::X], point[Axis::Y]];
+        let [x, y] = [point[AxisLetter::X], point[AxisLetter::Y]];
         let (distance, angle) = (libm::hypot(x, y), libm::atan2(y, x).to_degrees());
         let written = words
             .take(b'@', code)?
@@ -314,7 +314,7 @@ impl State {
         };
         let (sine, cosine) = libm::sincos(angle.to_radians());
         let place = [distance * cosine, distance * sine];
-        for (axis, value) in [Axis::X, Axis::Y].into_iter().zip(place) {
+        for (axis, value) in [AxisLetter::X, AxisLetter::Y].into_iter().zip(place) {
             in_range(axis, value).map_err(|fault| words.refuse(letter, fault))?;
             point[axis] = value;
         }
@@ -325,7 +325,7 @@ impl State {
     pub(crate) fn coordinate(
         &self,
         words: &mut Words,
-        axis: Axis,
+        axis: AxisLetter,
         code: Code,
     ) -> Result<Option<f64>, Refusal> {
         let letter = axis.letter() as u8;
@@ -340,7 +340,7 @@ impl State {
     }
 
     /// The unit of an axis's words, mm or degrees.
-    pub(crate) fn unit(&self, axis: Axis) -> f64 {
+    pub(crate) fn unit(&self, axis: AxisLetter) -> f64 {
         if axis.is_linear() {
             self.modes.unit()
         } else {
@@ -360,10 +360,10 @@ impl State {
         if feed.number == 0.0 {
             return Err(Fault::FeedZero { code });
         }
-        let moves = |axis: Axis| (to[axis] - self.at[axis]).abs() > FEED_ROUNDING;
+        let moves = |axis: AxisLetter| (to[axis] - self.at[axis]).abs() > FEED_ROUNDING;
         let only_rotary = matches!(code, Code::G(10))
-            && Axis::ALL.into_iter().any(moves)
-            && !Axis::ALL
+            && AxisLetter::ALL.into_iter().any(moves)
+            && !AxisLetter::ALL
                 .into_iter()
                 .any(|axis| axis.is_linear() && moves(axis));
         let unit = if only_rotary { 1.0 } else { feed.unit };
@@ -378,7 +378,7 @@ impl State {
             return Some(Feed::Rate(travel / 60.0));
         }
         let Spindle { turning, .. } = self.modes.spindle;
-        let at = |point: &Point| self.modes.spindle.at(point[Axis::X]).speed;
+        let at = |point: &Point| self.modes.spindle.at(point[AxisLetter::X]).speed;
         let turns = at(&self.at).min(at(to)) / 60.0;
         (turning != Turning::Off && turns > 0.0).then_some(Feed::PerTurn { travel, turns })
     }
@@ -457,7 +457,11 @@ impl State {
     }
 
     /// Refuses a motion that leaves the soft limits anywhere.
-    pub(crate) fn within_limits(&self, from: &Point, action: &Action) -> Result<(), (Axis, Fault)> {
+    pub(crate) fn within_limits(
+        &self,
+        from: &Point,
+        action: &Action,
+    ) -> Result<(), (AxisLetter, Fault)> {
         for axis in self.setup.axes.iter() {
             if let Action::Rapid { to }
             | Action::Feed { to, .. }
@@ -504,7 +508,7 @@ impl State {
 }
 
 /// Refuses coordinates beyond every machine, which would lose digits, and what is no number.
-pub(crate) fn in_range(axis: Axis, value: f64) -> Result<(), Fault> {
+pub(crate) fn in_range(axis: AxisLetter, value: f64) -> Result<(), Fault> {
     if value.abs() <= COORDINATE_LIMIT {
         return Ok(());
     }

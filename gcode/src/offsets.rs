@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::arc::Plane;
-use super::axes::{Axis, AxisSet, Point};
+use super::axes::{AxisLetter, AxisSet, Point};
 use super::command::Action;
 use super::coordinates::{ROTATION_LIMIT, WorkCoordinates, less};
 use super::error::{Fault, Refusal};
@@ -241,7 +241,7 @@ impl State {
     /// Turns X and Y of a work offset about its origin.
     pub(crate) fn turn_work(&mut self, index: usize, degrees: f64) -> Result<(), Fault> {
         let axes = self.setup.axes;
-        let missing = [Axis::X, Axis::Y]
+        let missing = [AxisLetter::X, AxisLetter::Y]
             .into_iter()
             .find(|axis| !axes.contains(*axis));
         if let Some(axis) = missing.filter(|_| degrees != 0.0) {
@@ -298,7 +298,7 @@ impl State {
         let over = self.target(words, code, false)?;
         let mut to = over;
         for axis in self.setup.axes.iter() {
-            let polar = matches!(axis, Axis::X | Axis::Y) && words.has_polar();
+            let polar = matches!(axis, AxisLetter::X | AxisLetter::Y) && words.has_polar();
             if all || polar || words.has(axis.letter() as u8) {
                 to[axis] = reference[axis];
             }

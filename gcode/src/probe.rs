@@ -5,7 +5,7 @@
 
 use std::collections::VecDeque;
 
-use super::axes::{Axis, Point};
+use super::axes::{AxisLetter, Point};
 use super::command::{Action, Probe};
 use super::error::{Fault, Refusal};
 use super::execute::State;
@@ -49,7 +49,7 @@ impl State {
             return Err(refuse(Fault::ProbeFeedMode { code, mode }));
         }
         let to = self.target(words, code, false)?;
-        let mut turned = Axis::ALL.into_iter().filter(|axis| !axis.is_linear());
+        let mut turned = AxisLetter::ALL.into_iter().filter(|axis| !axis.is_linear());
         if let Some(axis) = turned.find(|axis| to[*axis] != self.at[*axis]) {
             return Err(words.refuse(axis.letter() as u8, Fault::ProbeTurns { code, axis }));
         }
@@ -69,7 +69,7 @@ impl State {
         self.at = probed.at;
         let place = probed.contact.unwrap_or(probed.at);
         let place = self.coordinates().to_program(place);
-        let places = Axis::ALL.map(|axis| place[axis] / self.unit(axis));
+        let places = AxisLetter::ALL.map(|axis| place[axis] / self.unit(axis));
         let success = f64::from(u8::from(probed.contact.is_some()));
         let results = places.into_iter().chain([success]);
         for (index, value) in (FIRST_RESULT..).zip(results) {

@@ -8,7 +8,7 @@
 //! different weights it is rational, and becomes polynomials in `rational`.
 
 use super::arc::Plane;
-use super::axes::{Axis, Point};
+use super::axes::{AxisLetter, Point};
 use super::command::{Action, Feed};
 use super::error::{Fault, Refusal};
 use super::execute::{Compensated, State};
@@ -47,7 +47,8 @@ pub struct Spline {
 impl Spline {
     /// X and Y of all control points, mm.
     pub fn controls(&self) -> [Vector; DEGREE + 1] {
-        let [from, to] = [self.from, self.to].map(|point| [point[Axis::X], point[Axis::Y]]);
+        let [from, to] =
+            [self.from, self.to].map(|point| [point[AxisLetter::X], point[AxisLetter::Y]]);
         let [a, b, c, d] = self.inner;
         [from, a, b, c, d, to]
     }
@@ -56,7 +57,7 @@ impl Spline {
     fn new(from: Point, controls: &[Vector]) -> Spline {
         let [_, a, b, c, d, [x, y]] = elevated(controls);
         let mut to = from;
-        (to[Axis::X], to[Axis::Y]) = (x, y);
+        (to[AxisLetter::X], to[AxisLetter::Y]) = (x, y);
         Spline {
             from,
             to,
@@ -73,16 +74,16 @@ impl Spline {
             }
         }
         let mut point = self.from;
-        [point[Axis::X], point[Axis::Y]] = points[0];
+        [point[AxisLetter::X], point[AxisLetter::Y]] = points[0];
         point
     }
 
     /// Least and greatest value that an axis takes on the whole spline.
-    pub fn extent(&self, axis: Axis) -> (f64, f64) {
+    pub fn extent(&self, axis: AxisLetter) -> (f64, f64) {
         let (from, to) = (self.from[axis], self.to[axis]);
         let (mut least, mut greatest) = (from.min(to), from.max(to));
-        if let Axis::X | Axis::Y = axis {
-            let index = usize::from(axis == Axis::Y);
+        if let AxisLetter::X | AxisLetter::Y = axis {
+            let index = usize::from(axis == AxisLetter::Y);
             let values = self.controls().map(|point| point[index]);
             extremes(values, HALVINGS, &mut |value| {
                 least = least.min(value);
@@ -237,15 +238,16 @@ impl State {
             return refuse(Fault::SplinePlane { code });
         }
         let axes = self.setup.axes;
-        if let Some(axis) = [Axis::X, Axis::Y]
+        if let Some(axis) = [AxisLetter::X, AxisLetter::Y]
             .into_iter()
             .find(|axis| !axes.contains(*axis))
         {
             return refuse(Fault::NoSuchAxis { axis, axes });
         }
-        let other =
-            |axis: &Axis| !matches!(axis, Axis::X | Axis::Y) && words.has(axis.letter() as u8);
-        if let Some(axis) = Axis::ALL.into_iter().find(other) {
+        let other = |axis: &AxisLetter| {
+            !matches!(axis, AxisLetter::X | AxisLetter::Y) && words.has(axis.letter() as u8)
+        };
+        if let Some(axis) = AxisLetter::ALL.into_iter().find(other) {
             return Err(words.refuse(axis.letter() as u8, Fault::SplineAxis { code, axis }));
         }
         match motion {
@@ -278,7 +280,7 @@ impl State {
             return Err(missing("both P and Q"));
         };
         let last = [-p, -q];
-        let [start, end] = [self.at, to].map(|point| [point[Axis::X], point[Axis::Y]]);
+        let [start, end] = [self.at, to].map(|point| [point[AxisLetter::X], point[AxisLetter::Y]]);
         let [[i, j], [p, q]] = [first, [p, q]].map(|vector| self.turned_vector(vector));
         let controls = [
             start,
@@ -305,7 +307,7 @@ impl State {
             let words = "I and J, from the start to the control point";
             return Err(Refusal::new(columns, Fault::MissingWord { code, words }));
         }
-        let [start, end] = [self.at, to].map(|point| [point[Axis::X], point[Axis::Y]]);
+        let [start, end] = [self.at, to].map(|point| [point[AxisLetter::X], point[AxisLetter::Y]]);
         let [i, j] = self.turned_vector(offsets.map(Option::unwrap_or_default));
         let controls = [start, [start[0] + i, start[1] + j], end];
         self.go_along(&controls, words, code, columns, commands)
@@ -314,7 +316,7 @@ impl State {
     /// A vector of the program in machine coordinates.
     fn turned_vector(&self, [x, y]: Vector) -> Vector {
         let turned = self.coordinates().turned(Point::xyz(x, y, 0.0));
-        [turned[Axis::X], turned[Axis::Y]]
+        [turned[AxisLetter::X], turned[AxisLetter::Y]]
     }
 
     /// Two words that are lengths from a point, mm.
@@ -393,7 +395,7 @@ impl State {
                 self.nurbs.insert(Nurbs {
                     order: order.unwrap_or(3) as usize,
                     weights: vec![if has_point { 1.0 } else { weight }],
-                    points: vec![[from[Axis::X], from[Axis::Y]]],
+                    points: vec![[from[AxisLetter::X], from[AxisLetter::Y]]],
                     feed: feed.map_err(|fault| Refusal::new(columns, fault))?,
                 })
             }
@@ -407,11 +409,11 @@ impl State {
         }
         // A position is where the control point before it is.
         let to = self.target(words, code, false)?;
-        for axis in [Axis::X, Axis::Y] {
+        for axis in [AxisLetter::X, AxisLetter::Y] {
             in_range(axis, to[axis]).map_err(|fault| Refusal::new(columns, fault))?;
         }
         if let Some(nurbs) = &mut self.nurbs {
-            nurbs.points.push([to[Axis::X], to[Axis::Y]]);
+            nurbs.points.push([to[AxisLetter::X], to[AxisLetter::Y]]);
             nurbs.weights.push(weight);
         }
         self.nurbs_start.get_or_insert(self.at);

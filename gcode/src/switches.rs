@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use super::axes::Axis;
+use super::axes::AxisLetter;
 use super::block::Block;
 use super::command::{
     ANALOG_INPUTS, ANALOG_OUTPUTS, Action, Coolant, DIGITAL_INPUTS, DIGITAL_OUTPUTS, InputWait,
@@ -70,7 +70,7 @@ impl State {
                 }
                 surface.speed = speed * surface_unit(self.modes.inches);
             }
-            spindle = spindle.at(self.at[Axis::X]);
+            spindle = spindle.at(self.at[AxisLetter::X]);
         } else if let Some(speed) = words.take_free(b'S') {
             if speed < 0.0 {
                 return Err(words.refuse(b'S', out_of_range('S', speed, "a speed from 0")));
@@ -167,8 +167,8 @@ impl State {
         if !self.setup.sets_spindle_speed {
             return refuse(Fault::NoSurfaceSpeed);
         }
-        if !self.setup.axes.contains(Axis::X) {
-            let (axis, axes) = (Axis::X, self.setup.axes);
+        if !self.setup.axes.contains(AxisLetter::X) {
+            let (axis, axes) = (AxisLetter::X, self.setup.axes);
             return refuse(Fault::NoSuchAxis { axis, axes });
         }
         if !has_speed {
@@ -190,7 +190,7 @@ impl State {
         };
         spindle.surface = Some(Surface {
             speed: 0.0,
-            centre: self.coordinates().origin[Axis::X],
+            centre: self.coordinates().origin[AxisLetter::X],
             within: (least, most),
         });
         Ok(())
@@ -210,9 +210,9 @@ impl State {
         if coordinates.rotation != 0.0 {
             return Err(Refusal::new(block.columns(), Fault::SurfaceTurned));
         }
-        surface.centre = coordinates.origin[Axis::X];
+        surface.centre = coordinates.origin[AxisLetter::X];
         if spindle.surface != self.modes.spindle.surface {
-            self.modes.spindle = spindle.at(self.at[Axis::X]);
+            self.modes.spindle = spindle.at(self.at[AxisLetter::X]);
             commands.push_back(Action::Spindle(self.modes.spindle));
         }
         Ok(())

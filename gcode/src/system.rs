@@ -2,7 +2,7 @@
 //!
 //! Positions are in the program's units, stored points and offsets in mm, as RS-274/NGC keeps them.
 
-use super::axes::{Axis, Point};
+use super::axes::{AxisLetter, Point};
 use super::command::Turning;
 use super::error::Fault;
 use super::execute::State;
@@ -18,7 +18,7 @@ enum Stored {
 }
 
 impl State {
-    fn stored(index: usize) -> Option<(Stored, Axis)> {
+    fn stored(index: usize) -> Option<(Stored, AxisLetter)> {
         let (which, axis) = match index {
             5161..=5169 => (Stored::G28, index - 5161),
             5181..=5189 => (Stored::G30, index - 5181),
@@ -28,7 +28,7 @@ impl State {
             }
             _ => return None,
         };
-        Some((which, Axis::ALL[axis]))
+        Some((which, AxisLetter::ALL[axis]))
     }
 
     fn stored_point(&mut self, which: &Stored) -> &mut Point {
@@ -84,17 +84,17 @@ impl State {
         }
         let tool = tables.tools.get(&self.modes.tool);
         Some(match index {
-            5021..=5029 => self.absolute(Axis::ALL[index - 5021]),
+            5021..=5029 => self.absolute(AxisLetter::ALL[index - 5021]),
             5081..=5089 => {
-                let axis = Axis::ALL[index - 5081];
+                let axis = AxisLetter::ALL[index - 5081];
                 self.tool_offset[axis] / self.unit(axis)
             }
             5210 => flag(self.g92_applies),
             5220 => self.modes.work_offset as f64 + 1.0,
             5400 => f64::from(self.modes.tool),
-            5401..=5409 => tool.map_or(0.0, |tool| tool.offset[Axis::ALL[index - 5401]]),
+            5401..=5409 => tool.map_or(0.0, |tool| tool.offset[AxisLetter::ALL[index - 5401]]),
             5410 => tool.map_or(0.0, |tool| tool.diameter + tool.diameter_wear),
-            5420..=5428 => self.relative(Axis::ALL[index - 5420]),
+            5420..=5428 => self.relative(AxisLetter::ALL[index - 5420]),
             _ => return None,
         })
     }
@@ -104,7 +104,7 @@ impl State {
         let axis = |letters: &str| {
             let mut letters = letters.chars();
             match (letters.next(), letters.next()) {
-                (Some(letter), None) => Axis::from_letter(letter),
+                (Some(letter), None) => AxisLetter::from_letter(letter),
                 _ => None,
             }
         };
@@ -148,18 +148,18 @@ impl State {
             "feed" => modes
                 .feed
                 .map_or(0.0, |feed| feed.number * feed.unit / modes.unit()),
-            "rpm" => modes.spindle.at(self.at[Axis::X]).speed,
+            "rpm" => modes.spindle.at(self.at[AxisLetter::X]).speed,
             "current_tool" | "current_pocket" => f64::from(modes.tool),
             "selected_tool" | "selected_pocket" => f64::from(modes.selected_tool),
             _ => return None,
         })
     }
 
-    fn absolute(&self, axis: Axis) -> f64 {
+    fn absolute(&self, axis: AxisLetter) -> f64 {
         self.at[axis] / self.unit(axis)
     }
 
-    fn relative(&self, axis: Axis) -> f64 {
+    fn relative(&self, axis: AxisLetter) -> f64 {
         self.coordinates().to_program(self.at)[axis] / self.unit(axis)
     }
 }

@@ -26,7 +26,7 @@ use std::path::{Path, PathBuf};
 
 use toml::Spanned;
 
-use super::axes::{Axis, COORDINATE_LIMIT, Point};
+use super::axes::{AxisLetter, COORDINATE_LIMIT, Point};
 use super::coordinates::{ROTATION_LIMIT, WorkCoordinates, sum};
 use syncline_strict_toml::{Invalid, Log, Table};
 
@@ -286,7 +286,7 @@ fn place(log: &mut Log<'_>, table: &mut Table<'_, '_>, key: &'static str) -> Poi
 /// The point that a row's axes give; zero where it names none.
 fn point(log: &mut Log<'_>, values: &mut Table<'_, '_>) -> Point {
     let mut point = Point::ZERO;
-    for axis in Axis::ALL {
+    for axis in AxisLetter::ALL {
         let (name, unit) = (axis.name(), axis.units()[0]);
         let allowed = format!("a number within ±{COORDINATE_LIMIT} ({unit})");
         let within = |value: f64| value.abs() <= COORDINATE_LIMIT;

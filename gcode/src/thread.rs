@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use super::axes::Axis;
+use super::axes::AxisLetter;
 use super::command::{Action, Turning};
 use super::error::{Fault, Refusal};
 use super::execute::State;
@@ -61,8 +61,10 @@ impl State {
         };
         let lead = self.lead(written, b'K', words)?;
         let to = self.target(words, code, false)?;
-        let along = [Axis::X, Axis::Y, Axis::Z];
-        let mut others = Axis::ALL.into_iter().filter(|axis| !along.contains(axis));
+        let along = [AxisLetter::X, AxisLetter::Y, AxisLetter::Z];
+        let mut others = AxisLetter::ALL
+            .into_iter()
+            .filter(|axis| !along.contains(axis));
         if let Some(axis) = others.find(|axis| to[*axis] != self.at[*axis]) {
             return Err(words.refuse(axis.letter() as u8, Fault::ThreadAxis { code, axis }));
         }

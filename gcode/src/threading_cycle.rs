@@ -6,7 +6,7 @@
 use std::collections::VecDeque;
 
 use super::arc::Plane;
-use super::axes::{Axis, Point};
+use super::axes::{AxisLetter, Point};
 use super::command::{Action, PathMode};
 use super::error::{Fault, Refusal};
 use super::execute::State;
@@ -60,7 +60,9 @@ impl State {
         }
         self.plane_of_axes(code, columns)?;
         let end = self.target(words, code, false)?;
-        let mut others = Axis::ALL.into_iter().filter(|axis| *axis != Axis::Z);
+        let mut others = AxisLetter::ALL
+            .into_iter()
+            .filter(|axis| *axis != AxisLetter::Z);
         if let Some(axis) = others.find(|axis| end[*axis] != self.at[*axis]) {
             return Err(words.refuse(axis.letter() as u8, Fault::ThreadingAxis { code, axis }));
         }
@@ -78,17 +80,17 @@ impl State {
             commands.push_back(Action::PathMode(PathMode::ExactPath));
         }
         let start = self.at;
-        let along = (end[Axis::Z] - start[Axis::Z]).signum();
+        let along = (end[AxisLetter::Z] - start[AxisLetter::Z]).signum();
         for depth in depths {
             let mut to = start;
-            to[Axis::Z] += along * passes.slope * depth;
+            to[AxisLetter::Z] += along * passes.slope * depth;
             self.rapid_to(to, words, columns, commands)?;
-            to[Axis::X] += passes.inwards * (passes.crest + depth);
+            to[AxisLetter::X] += passes.inwards * (passes.crest + depth);
             self.rapid_to(to, words, columns, commands)?;
-            to[Axis::Z] = end[Axis::Z];
+            to[AxisLetter::Z] = end[AxisLetter::Z];
             let lead = passes.lead;
             self.go(Action::Thread { to, lead }, words, columns, commands)?;
-            to[Axis::X] = start[Axis::X];
+            to[AxisLetter::X] = start[AxisLetter::X];
             self.rapid_to(to, words, columns, commands)?;
         }
         if blends {

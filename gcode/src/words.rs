@@ -1,7 +1,7 @@
 //! The words of a block by letter and modal group, and who uses them.
 
 use super::arc::Plane;
-use super::axes::Axis;
+use super::axes::AxisLetter;
 use super::error::{Fault, Refusal};
 use super::lexer::Columns;
 use super::modal::{Code, Group, Standing};
@@ -114,7 +114,9 @@ impl Words {
 
     /// Whether there is a word of an axis.
     pub(crate) fn has_axes(&self) -> bool {
-        Axis::ALL.iter().any(|axis| self.has(axis.letter() as u8))
+        AxisLetter::ALL
+            .iter()
+            .any(|axis| self.has(axis.letter() as u8))
     }
 
     /// Whether there is a word of polar coordinates.

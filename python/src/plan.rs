@@ -24,7 +24,7 @@ const MOST_ROWS: f64 = 1e8;
 /// `amax` and `amin`, jerk `jmax` and `jmin`, whose minima are negative and by default minus the
 /// maxima; positions `pmin` and `pmax`, by default none. Per s, s² and s³.
 #[pyclass(frozen, module = "syncline")]
-pub(crate) struct Axis(state_to_state::Axis);
+pub(crate) struct Axis(state_to_state::Problem);
 
 #[pymethods]
 impl Axis {
@@ -79,7 +79,7 @@ impl Axis {
             min: pmin.unwrap_or(f64::NEG_INFINITY),
             max: pmax.unwrap_or(f64::INFINITY),
         });
-        Ok(Self(state_to_state::Axis {
+        Ok(Self(state_to_state::Problem {
             start: State {
                 p: p0,
                 v: v0,

@@ -3,14 +3,14 @@
 
 use syncline_trajectory::limits::Limits;
 use syncline_trajectory::profile::State;
-use syncline_trajectory::state_to_state::{self, Axis, PlanError};
+use syncline_trajectory::state_to_state::{self, PlanError, Problem};
 use syncline_trajectory::verify;
 
 fn main() -> Result<(), PlanError> {
     // From rest at 0 to rest at 100 mm: 200 mm/s, 2,000 mm/s², 40,000 mm/s³.
     let limits = Limits::symmetric(200.0, 2_000.0, 40_000.0);
-    let axis = Axis::new(State::at_rest(0.0), State::at_rest(100.0), limits);
-    let profile = state_to_state::plan(&axis, 0.0)?;
+    let problem = Problem::new(State::at_rest(0.0), State::at_rest(100.0), limits);
+    let profile = state_to_state::plan(&problem, 0.0)?;
 
     println!(
         "{:>8} {:>10} {:>10} {:>10}",
@@ -30,6 +30,6 @@ fn main() -> Result<(), PlanError> {
     // 100 mm at 200 mm/s, 200 mm/s at 2,000 mm/s², 2,000 mm/s² at 40,000 mm/s³.
     assert!((profile.duration() - (0.5 + 0.1 + 0.05)).abs() < 1e-12);
     // The checker has arithmetic of its own.
-    assert!(verify::axis(&profile, &axis).holds(1e-9));
+    assert!(verify::axis(&profile, &problem).holds(1e-9));
     Ok(())
 }

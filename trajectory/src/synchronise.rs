@@ -11,7 +11,7 @@
 
 use crate::limits::{Limits, PositionLimits};
 use crate::profile::{Profile, State};
-use crate::state_to_state::{Axis, Course, PlanError, Route, Target, check_duration};
+use crate::state_to_state::{Course, PlanError, Problem, Route, Target, check_duration};
 
 /// The most axes that are planned together.
 pub const MAX_AXES: usize = 16;
@@ -28,31 +28,31 @@ pub enum Synchronisation {
     None,
 }
 
-/// Plans all axes, at least `min_duration` (s) long. `profiles` receives one for each axis; the
+/// Solves the problems of all axes, at least `min_duration` (s) long. `profiles` receives one for each axis; the
 /// result is the duration of the longest.
 ///
-/// `axes` and `profiles` are equally long and at most [`MAX_AXES`].
+/// `problems` and `profiles` are equally long and at most [`MAX_AXES`].
 pub fn plan(
-    axes: &[Axis],
+    problems: &[Problem],
     synchronisation: Synchronisation,
     min_duration: f64,
     profiles: &mut [Profile],
 ) -> Result<f64, PlanError> {
     assert!(
-        axes.len() == profiles.len() && axes.len() <= MAX_AXES,
-        "one profile for each axis"
+        problems.len() == profiles.len() && problems.len() <= MAX_AXES,
+        "one profile for each problem"
     );
-    for axis in axes {
-        axis.check()?;
+    for problem in problems {
+        problem.check()?;
     }
     check_duration(min_duration)?;
     match synchronisation {
-        Synchronisation::Line => line(axes, min_duration, profiles),
-        Synchronisation::Time => time(axes, min_duration, profiles),
+        Synchronisation::Line => line(problems, min_duration, profiles),
+        Synchronisation::Time => time(problems, min_duration, profiles),
         Synchronisation::None => {
             let mut longest = 0.0_f64;
-            for (axis, profile) in axes.iter().zip(profiles) {
-                *profile = crate::state_to_state::plan(axis, min_duration)?;
+            for (problem, profile) in problems.iter().zip(profiles) {
+                *profile = crate::state_to_state::plan(problem, min_duration)?;
                 longest = longest.max(profile.duration());
             }
             Ok(longest)
@@ -62,12 +62,16 @@ pub fn plan(
 
 /// The shortest duration that every axis can have: the longest of the shortest ones, moved on over
 /// the intervals of durations that some axis cannot have.
-fn time(axes: &[Axis], min_duration: f64, profiles: &mut [Profile]) -> Result<f64, PlanError> {
+fn time(
+    problems: &[Problem],
+    min_duration: f64,
+    profiles: &mut [Profile],
+) -> Result<f64, PlanError> {
     const NONE: Option<(Route, Course, f64)> = None;
     let mut routes = [NONE; MAX_AXES];
     let mut duration = min_duration;
-    for (slot, axis) in routes.iter_mut().zip(axes) {
-        let route = Route::new(axis);
+    for (slot, problem) in routes.iter_mut().zip(problems) {
+        let route = Route::new(problem);
         let course = route.fastest()?;
         let shortest = route.duration(&course);
         duration = duration.max(shortest);
@@ -104,15 +108,19 @@ const PARTS: [Part; 5] = [|e| e.1.p, |e| e.0.v, |e| e.1.v, |e| e.0.a, |e| e.1.a]
 /// Relative difference of direction that is taken for rounding.
 const STRAIGHT: f64 = 1e-13;
 
-fn line(axes: &[Axis], min_duration: f64, profiles: &mut [Profile]) -> Result<f64, PlanError> {
+fn line(
+    problems: &[Problem],
+    min_duration: f64,
+    profiles: &mut [Profile],
+) -> Result<f64, PlanError> {
     let mut direction = [0.0; MAX_AXES];
-    let direction = &mut direction[..axes.len()];
+    let direction = &mut direction[..problems.len()];
     let mut ends = [(State::default(), State::default()); MAX_AXES];
-    for (end, axis) in ends.iter_mut().zip(axes) {
-        let target = match axis.target {
+    for (end, problem) in ends.iter_mut().zip(problems) {
+        let target = match problem.target {
             Target::State(s) => s,
             Target::Velocity { v, a } => State {
-                p: axis.start.p,
+                p: problem.start.p,
                 v,
                 a,
             },
@@ -120,31 +128,31 @@ fn line(axes: &[Axis], min_duration: f64, profiles: &mut [Profile]) -> Result<f6
         *end = (
             State {
                 p: 0.0,
-                ..axis.start
+                ..problem.start
             },
             State {
-                p: target.p - axis.start.p,
+                p: target.p - problem.start.p,
                 ..target
             },
         );
     }
-    let ends = &ends[..axes.len()];
+    let ends = &ends[..problems.len()];
     let position = matches!(
-        axes.first(),
-        Some(Axis {
+        problems.first(),
+        Some(Problem {
             target: Target::State(_),
             ..
         })
     );
-    if axes
+    if problems
         .iter()
         .any(|a| matches!(a.target, Target::State(_)) != position)
     {
         return Err(PlanError::NotStraight);
     }
     let Some(lead) = direct(ends, direction) else {
-        for (axis, profile) in axes.iter().zip(profiles) {
-            *profile = Profile::new(axis.start);
+        for (problem, profile) in problems.iter().zip(profiles) {
+            *profile = Profile::new(problem.start);
             profile.append(min_duration, 0.0);
         }
         return Ok(min_duration);
@@ -157,19 +165,24 @@ fn line(axes: &[Axis], min_duration: f64, profiles: &mut [Profile]) -> Result<f6
             }
         }
     }
-    let projected = project(axes, direction, lead);
+    let projected = project(problems, direction, lead);
     projected.check()?;
     let route = Route::new(&projected);
     let mut course = route.fastest()?;
     if route.duration(&course) < min_duration {
         course = route.no_shorter(min_duration)?;
     }
-    for (((axis, profile), &d), end) in axes.iter().zip(profiles).zip(direction.iter()).zip(ends) {
-        let target = match axis.target {
+    for (((problem, profile), &d), end) in problems
+        .iter()
+        .zip(profiles)
+        .zip(direction.iter())
+        .zip(ends)
+    {
+        let target = match problem.target {
             Target::State(state) => Some(state),
             Target::Velocity { .. } => None,
         };
-        *profile = route.profile_along(&course, axis.start, end.1.p, d, target);
+        *profile = route.profile_along(&course, problem.start, end.1.p, d, target);
     }
     Ok(route.duration(&course))
 }
@@ -191,11 +204,11 @@ fn direct(ends: &[(State, State)], direction: &mut [f64]) -> Option<usize> {
 }
 
 /// The problem of the leading axis, inside what the line leaves of all axes' limits.
-fn project(axes: &[Axis], direction: &[f64], lead: usize) -> Axis {
+fn project(problems: &[Problem], direction: &[f64], lead: usize) -> Problem {
     let mut limits: Option<Limits> = None;
-    for (axis, &d) in axes.iter().zip(direction.iter()) {
+    for (problem, &d) in problems.iter().zip(direction.iter()) {
         if d != 0.0 {
-            let own = axis.limits.projected(d);
+            let own = problem.limits.projected(d);
             limits = Some(limits.map_or(own, |l| l.intersection(&own)));
         }
     }
@@ -204,19 +217,19 @@ fn project(axes: &[Axis], direction: &[f64], lead: usize) -> Axis {
         min: f64::NEG_INFINITY,
         max: f64::INFINITY,
     };
-    for (axis, &d) in axes.iter().zip(direction.iter()) {
-        if let (Some(b), true) = (axis.bounds, d != 0.0) {
-            let (x, y) = ((b.min - axis.start.p) / d, (b.max - axis.start.p) / d);
+    for (problem, &d) in problems.iter().zip(direction.iter()) {
+        if let (Some(b), true) = (problem.bounds, d != 0.0) {
+            let (x, y) = ((b.min - problem.start.p) / d, (b.max - problem.start.p) / d);
             bounds.min = bounds.min.max(x.min(y));
             bounds.max = bounds.max.min(x.max(y));
         }
     }
-    let at = axes[lead].start.p;
-    let bounded = axes.iter().any(|a| a.bounds.is_some());
-    Axis {
-        start: axes[lead].start,
-        target: axes[lead].target,
-        limits: limits.unwrap_or(axes[lead].limits),
+    let at = problems[lead].start.p;
+    let bounded = problems.iter().any(|a| a.bounds.is_some());
+    Problem {
+        start: problems[lead].start,
+        target: problems[lead].target,
+        limits: limits.unwrap_or(problems[lead].limits),
         bounds: bounded.then_some(PositionLimits {
             min: at + bounds.min,
             max: at + bounds.max,

@@ -5,7 +5,7 @@
 
 use crate::double::Double;
 use crate::profile::{Profile, Segment, State};
-use crate::state_to_state::{Axis, Target};
+use crate::state_to_state::{Problem, Target};
 
 /// What was found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,7 +46,7 @@ impl Certificate {
 }
 
 /// Certifies the profile of one axis.
-pub fn axis(profile: &Profile, problem: &Axis) -> Certificate {
+pub fn axis(profile: &Profile, problem: &Problem) -> Certificate {
     let start = problem.start;
     let l = &problem.limits;
     let (vf, af) = match problem.target {

@@ -4,7 +4,7 @@ use assert_no_alloc::{AllocDisabler, assert_no_alloc};
 use syncline_trajectory::limits::{Limits, PositionLimits};
 use syncline_trajectory::path::{Executor, Jog, Travel};
 use syncline_trajectory::profile::{Profile, State};
-use syncline_trajectory::state_to_state::{Axis, plan};
+use syncline_trajectory::state_to_state::{Problem, plan};
 use syncline_trajectory::synchronise::{Synchronisation, plan as plan_all};
 use syncline_trajectory::synchronous::{AngleObserver, Follower, Thread};
 use syncline_trajectory::verify;
@@ -21,7 +21,7 @@ fn planning_evaluation_and_verification_allocate_nothing() {
         a: -0.5,
     };
     let axes = [
-        Axis::new(
+        Problem::new(
             start,
             State {
                 p: 1.0,
@@ -30,13 +30,13 @@ fn planning_evaluation_and_verification_allocate_nothing() {
             },
             limits,
         ),
-        Axis::new(State { v: 1.5, ..start }, State::at_rest(-3.0), limits),
-        Axis {
+        Problem::new(State { v: 1.5, ..start }, State::at_rest(-3.0), limits),
+        Problem {
             bounds: Some(PositionLimits {
                 min: -9.0,
                 max: 9.0,
             }),
-            ..Axis::new(start, State::at_rest(2.0), limits)
+            ..Problem::new(start, State::at_rest(2.0), limits)
         },
     ];
     let mut profiles = axes.map(|a| Profile::new(a.start));

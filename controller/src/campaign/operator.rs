@@ -9,7 +9,7 @@ use crate::machine::COORDINATES;
 use crate::session::{Command, Direction, Jog, Override, StepChange, SwitchChange};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 
 /// Operators of a session that command at random.
 pub(super) const OPERATORS: usize = 3;
@@ -90,9 +90,9 @@ pub(super) fn of_kind(
 }
 
 /// The letters of a machine's axes.
-fn letters(machine: &MachineSpec) -> Vec<Axis> {
+fn letters(machine: &MachineSpec) -> Vec<AxisLetter> {
     let axes = machine.axes.iter();
-    axes.filter_map(|axis| Axis::from_letter(axis.letter))
+    axes.filter_map(|axis| AxisLetter::from_letter(axis.letter))
         .collect()
 }
 
@@ -100,7 +100,7 @@ fn letters(machine: &MachineSpec) -> Vec<Axis> {
 struct Drawing<'a> {
     dice: &'a mut Dice,
     machine: &'a MachineSpec,
-    letters: &'a [Axis],
+    letters: &'a [AxisLetter],
     programs: usize,
 }
 
@@ -179,10 +179,10 @@ impl Drawing<'_> {
     }
 
     /// An axis of the machine; now and then one that it does not have.
-    fn axis(&mut self) -> (usize, Axis) {
+    fn axis(&mut self) -> (usize, AxisLetter) {
         let place = self.dice.below(self.letters.len());
         let letter = match self.dice.chance(0.05) {
-            true => *self.dice.pick(&Axis::ALL),
+            true => *self.dice.pick(&AxisLetter::ALL),
             false => self.letters[place],
         };
         (place, letter)

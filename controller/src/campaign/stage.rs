@@ -27,7 +27,7 @@ use syncline_canopen::time::Duration;
 use syncline_drives::bus::Transmission;
 use syncline_drives::twin::Observation;
 use syncline_drives::world::{DeviceId, Observer};
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 
 /// A machine that is not ready after so long is switched off, and so is one that comes up and down.
 const NOT_READY: Duration = Duration::from_secs(20);
@@ -277,7 +277,7 @@ impl<'a> Stage<'a> {
     fn look(&mut self) -> Woken {
         let status = self.session.status();
         let axes = self.case.machine.axes.iter();
-        let letters = axes.filter_map(|axis| Axis::from_letter(axis.letter));
+        let letters = axes.filter_map(|axis| AxisLetter::from_letter(axis.letter));
         let shown = letters.map(|letter| status.actual[letter.index()]);
         let (state, shown) = (status.state, shown.collect());
         let timeline = self.session.timeline();

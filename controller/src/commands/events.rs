@@ -9,7 +9,7 @@ use crate::session::{
 use std::collections::VecDeque;
 use std::io;
 use std::path::{Path, PathBuf};
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 
 /// An event's name, what its value has to be, if it has one, and the command that they make.
 type Event = (&'static str, &'static str, fn(&str) -> Option<Command>);
@@ -163,9 +163,9 @@ fn percent(value: &str, most: f64) -> Option<Override> {
 }
 
 /// `X`
-fn axis(value: &str) -> Option<Axis> {
+fn axis(value: &str) -> Option<AxisLetter> {
     let (letter, rest) = word(value)?;
-    Axis::from_letter(letter).filter(|_| rest.is_empty())
+    AxisLetter::from_letter(letter).filter(|_| rest.is_empty())
 }
 
 /// A letter and what follows it.
@@ -185,7 +185,7 @@ fn number(text: &str) -> Option<f64> {
 fn jog(value: &str) -> Option<Jog> {
     let mut words = value.split_whitespace().map(word);
     let (letter, distance) = words.next()??;
-    let axis = Axis::from_letter(letter)?;
+    let axis = AxisLetter::from_letter(letter)?;
     let speed = match words.next() {
         None => None,
         Some(feed) => {
@@ -218,7 +218,7 @@ fn positions(value: &str) -> Option<[Option<f64>; COORDINATES]> {
     let mut positions = [None; COORDINATES];
     for part in value.split_whitespace() {
         let (letter, position) = word(part)?;
-        let place = &mut positions[Axis::from_letter(letter)?.index()];
+        let place = &mut positions[AxisLetter::from_letter(letter)?.index()];
         if place.replace(number(position)?).is_some() {
             return None;
         }
@@ -230,7 +230,7 @@ fn positions(value: &str) -> Option<[Option<f64>; COORDINATES]> {
 fn letters(value: &str) -> Option<[bool; COORDINATES]> {
     let mut letters = [false; COORDINATES];
     for letter in value.chars().filter(|it| !it.is_whitespace()) {
-        letters[Axis::from_letter(letter.to_ascii_uppercase())?.index()] = true;
+        letters[AxisLetter::from_letter(letter.to_ascii_uppercase())?.index()] = true;
     }
     Some(letters)
 }
@@ -424,7 +424,7 @@ mod tests {
             let text = format!("t_s,event,value\n0,{event}\n");
             parse(&text).ok()?.due(0.0)
         };
-        let axis = Axis::X;
+        let axis = AxisLetter::X;
         for (event, jog) in [
             (
                 "jog,X+1.5",

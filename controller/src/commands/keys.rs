@@ -12,7 +12,7 @@ use rustix::termios::{
 use std::io::{self, stdin};
 use std::thread;
 use std::time::{Duration, Instant};
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 
 /// For the operator at the terminal.
 pub(super) const HELP: &str = "keys: space feed hold and resume, + - feed, < > rapid, s single block, \
@@ -44,12 +44,12 @@ pub(super) fn command(byte: u8) -> Option<Command> {
 /// What a key without a character commands; a terminal sends it behind escape and `[`, or `O`.
 pub(super) fn command_of_sequence(sequence: &[u8]) -> Option<Command> {
     let (axis, direction) = match sequence {
-        b"C" => (Axis::X, Direction::Positive),
-        b"D" => (Axis::X, Direction::Negative),
-        b"A" => (Axis::Y, Direction::Positive),
-        b"B" => (Axis::Y, Direction::Negative),
-        b"5~" => (Axis::Z, Direction::Positive),
-        b"6~" => (Axis::Z, Direction::Negative),
+        b"C" => (AxisLetter::X, Direction::Positive),
+        b"D" => (AxisLetter::X, Direction::Negative),
+        b"A" => (AxisLetter::Y, Direction::Positive),
+        b"B" => (AxisLetter::Y, Direction::Negative),
+        b"5~" => (AxisLetter::Z, Direction::Positive),
+        b"6~" => (AxisLetter::Z, Direction::Negative),
         _ => return None,
     };
     Some(Command::Jog(Jog::Step { axis, direction }))
@@ -186,7 +186,7 @@ mod tests {
         Decoder::default().commands(bytes).collect()
     }
 
-    fn jog(axis: Axis, direction: Direction) -> Command {
+    fn jog(axis: AxisLetter, direction: Direction) -> Command {
         Command::Jog(Jog::Step { axis, direction })
     }
 
@@ -204,11 +204,12 @@ mod tests {
     #[test]
     fn arrows_and_page_keys_jog() {
         let [right, down] = [
-            jog(Axis::X, Direction::Positive),
-            jog(Axis::Y, Direction::Negative),
+            jog(AxisLetter::X, Direction::Positive),
+            jog(AxisLetter::Y, Direction::Negative),
         ];
         assert_eq!(keys(b"\x1B[C\x1BOB"), [right, down]);
-        let [up, down] = [Direction::Positive, Direction::Negative].map(|to| jog(Axis::Z, to));
+        let [up, down] =
+            [Direction::Positive, Direction::Negative].map(|to| jog(AxisLetter::Z, to));
         assert_eq!(
             keys(b"\x1B[5~]\x1B[6~"),
             [up, Command::JogStep(StepChange::Greater), down]
@@ -231,7 +232,7 @@ mod tests {
         let endless = [b"\x1B[".as_slice(), &[b'1'; 40], b"\x1B[A"].concat();
         assert_eq!(
             keys(&endless).last(),
-            Some(&jog(Axis::Y, Direction::Positive))
+            Some(&jog(AxisLetter::Y, Direction::Positive))
         );
     }
 }

@@ -9,7 +9,7 @@ use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use syncline_trajectory::limits::{Limits, PositionLimits};
 use syncline_trajectory::profile::{Profile, State};
-use syncline_trajectory::state_to_state::{Axis, PlanError, Target};
+use syncline_trajectory::state_to_state::{PlanError, Problem, Target};
 use syncline_trajectory::synchronise::{self, MAX_AXES, Synchronisation};
 use syncline_trajectory::verify;
 
@@ -256,7 +256,7 @@ struct Row {
     synchronisation: Synchronisation,
     min_duration: f64,
     /// With the index of the axis's columns.
-    axes: Vec<(usize, Axis)>,
+    axes: Vec<(usize, Problem)>,
     columns: usize,
 }
 
@@ -337,7 +337,7 @@ impl Row {
             };
             axes.push((
                 index,
-                Axis {
+                Problem {
                     start: State {
                         p: number(r[0])?,
                         v: number(r[1])?,
@@ -407,7 +407,7 @@ impl Row {
             return Err(status(PlanError::NotANumber));
         }
         self.check_range()?;
-        let axes: Vec<Axis> = self.axes.iter().map(|(_, axis)| *axis).collect();
+        let axes: Vec<Problem> = self.axes.iter().map(|(_, axis)| *axis).collect();
         let mut profiles: Vec<Profile> = axes.iter().map(|a| Profile::new(a.start)).collect();
         let duration = synchronise::plan(
             &axes,

@@ -18,7 +18,7 @@ use std::time::Duration;
 use syncline_canopen::emcy::Emergency;
 use syncline_canopen::sdo::AbortCode;
 use syncline_drives::model::{Address, PowerState, StatusWord};
-use syncline_gcode::Axis as Letter;
+use syncline_gcode::AxisLetter;
 use syncline_trajectory::path::Leg;
 
 /// Why a path slows down that nobody told to.
@@ -739,7 +739,7 @@ impl Event {
 /// Where the next leg of the way back leads, machine coordinates, and what an operator does for it.
 #[must_use]
 pub fn describe_leg(leg: &Leg<COORDINATES>) -> String {
-    let to = (Letter::ALL.iter().zip(leg.to))
+    let to = (AxisLetter::ALL.iter().zip(leg.to))
         .filter_map(|(axis, to)| Some(format!("{} to {:.3}", axis.letter(), to?)));
     let to = to.collect::<Vec<_>>().join(", ");
     let speed = match leg.speed.is_finite() {

@@ -22,7 +22,7 @@ use crate::machine::{AnalogSource, OutputSwitch};
 use std::collections::VecDeque;
 use std::fmt;
 use std::sync::Arc;
-use syncline_gcode::{ANALOG_OUTPUTS, Axis, Coolant, Output, Spindle, Turning};
+use syncline_gcode::{ANALOG_OUTPUTS, AxisLetter, Coolant, Output, Spindle, Turning};
 
 /// M-codes that the cycle has room for. Where a program has more without a stop, the path rests for
 /// them to be executed.
@@ -242,7 +242,7 @@ impl<const N: usize> Controller<N> {
         let waypoints = self.shaping.waypoints();
         // As X is where the next setpoint has it.
         let spindle = &mut self.switches.functions.spindle;
-        *spindle = spindle.at(self.planned.position[Axis::X.index()]);
+        *spindle = spindle.at(self.planned.position[AxisLetter::X.index()]);
         for _ in 0..MOST_SWITCHED {
             let Some((line, switch)) = self.switches.next(waypoints) else {
                 break;

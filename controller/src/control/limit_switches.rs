@@ -15,7 +15,7 @@ use super::layout::AxisSpec;
 use super::{Controller, Layout, Order, Phase, Refusal};
 use std::sync::Arc;
 use std::time::Duration;
-use syncline_gcode::Axis as Letter;
+use syncline_gcode::AxisLetter;
 use syncline_trajectory::path::Jog;
 
 /// A switch that was on so short a time ago bounces.
@@ -103,7 +103,7 @@ impl<const N: usize> Controller<N> {
     pub(super) fn check_limit_switches(&self, order: &Order<N>) -> Result<(), Refusal> {
         for axis in &self.layout.axes {
             let at = axis.coordinate;
-            let letter = Letter::ALL.get(at);
+            let letter = AxisLetter::ALL.get(at);
             let by = match order {
                 Order::Begin(job) | Order::TakeUp(job)
                     if !letter.is_some_and(|&it| job.homes_first.contains(it)) =>

@@ -4,7 +4,7 @@ use super::state::{NotNow, Request};
 use super::{Controller, Event, Goal, Job, JobKind, State, StopPoint};
 use crate::machine::COORDINATES;
 use std::mem::take;
-use syncline_gcode::Axis as Letter;
+use syncline_gcode::AxisLetter;
 use syncline_trajectory::path::{Jog, JogError, Overrides};
 
 /// An order to the controller; it is obeyed in the next cycle.
@@ -250,7 +250,7 @@ impl<const N: usize> Controller<N> {
     /// Whether the axes that an order moves by machine positions have such positions.
     fn check_references(&self, order: &Order<N>) -> Result<(), Refusal> {
         let homes = |at: usize| match order {
-            Order::Begin(job) | Order::TakeUp(job) => Letter::ALL
+            Order::Begin(job) | Order::TakeUp(job) => AxisLetter::ALL
                 .get(at)
                 .is_some_and(|&it| job.homes_first.contains(it)),
             _ => false,
@@ -307,7 +307,7 @@ impl<const N: usize> Controller<N> {
 
 /// The letter of a coordinate.
 fn letter(coordinate: usize) -> char {
-    Letter::ALL
+    AxisLetter::ALL
         .get(coordinate)
         .map_or('?', |axis| axis.letter())
 }

@@ -143,8 +143,8 @@ impl<const N: usize> Controller<N> {
             };
             let turns = way.turns(told.angle / TURN - sample.turns);
             let to = State::at_rest(sample.turns + turns);
-            let axis = state_to_state::Axis::new(from, to, spec.limits);
-            let way = state_to_state::plan(&axis, 0.0).ok();
+            let problem = state_to_state::Problem::new(from, to, spec.limits);
+            let way = state_to_state::plan(&problem, 0.0).ok();
             orienting.way = way.map(|way| (cycle + 1, way));
         }
         let velocity = orienting.velocity(cycle, sample.turns, sample.age, &following);

@@ -181,8 +181,8 @@ pub struct Drive {
 }
 
 /// Coordinates of a machine: one for each letter that a program has for an axis, in the order of
-/// [`gcode::Axis::ALL`].
-pub const COORDINATES: usize = gcode::Axis::ALL.len();
+/// [`gcode::AxisLetter::ALL`].
+pub const COORDINATES: usize = gcode::AxisLetter::ALL.len();
 
 /// From one request for the position of a device that is asked by SDO to the next. Short against the time for which axes are
 /// looked at to tell that they stand, so that what moves is not taken to rest.
@@ -195,7 +195,7 @@ pub type Position = [f64; COORDINATES];
 #[derive(Clone, Debug)]
 pub struct Axis {
     /// The program's letter, which is its name everywhere.
-    pub letter: gcode::Axis,
+    pub letter: gcode::AxisLetter,
     /// Indices of its drives in [`Machine::drives`]; one, or two for a gantry pair.
     pub drives: Vec<usize>,
     /// mm per motor revolution.

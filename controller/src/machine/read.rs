@@ -612,7 +612,7 @@ fn following_error_limits(
 
 struct AxisTable {
     name: Spanned<String>,
-    letter: gcode::Axis,
+    letter: gcode::AxisLetter,
     drives: Spanned<Vec<Spanned<String>>>,
     pitch: f64,
     gear: f64,
@@ -633,10 +633,14 @@ struct AxisTable {
 
 impl AxisTable {
     fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Self> {
-        let name = table.choice(log, "name", gcode::Axis::ALL.iter().map(|axis| axis.name()));
+        let name = table.choice(
+            log,
+            "name",
+            gcode::AxisLetter::ALL.iter().map(|axis| axis.name()),
+        );
         let letter = name.as_ref().and_then(|name| {
-            let named = |axis: &gcode::Axis| axis.name() == name.get_ref();
-            gcode::Axis::ALL.into_iter().find(named)
+            let named = |axis: &gcode::AxisLetter| axis.name() == name.get_ref();
+            gcode::AxisLetter::ALL.into_iter().find(named)
         });
         let rotary = letter.is_some_and(|letter| !letter.is_linear());
         let [position, velocity, acceleration, jerk] = if rotary {

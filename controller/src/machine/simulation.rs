@@ -405,7 +405,7 @@ fn beam(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Option<Gantry> {
 
 /// What runs along a beam; its other keys are there with `carriage` only.
 fn carriage(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Option<Carriage> {
-    let names = gcode::Axis::ALL.iter().map(|axis| axis.name());
+    let names = gcode::AxisLetter::ALL.iter().map(|axis| axis.name());
     let axis = table.choice_if(log, "carriage", names)?;
     let allowed = "a number from 0.001 to 1000000 (kg)";
     let range = 0.001..=1e6;

@@ -101,7 +101,7 @@ impl Spindle {
     #[must_use]
     pub fn orienting(&self) -> Duration {
         let [from, to] = [0.0, 1.0].map(State::at_rest);
-        let turn = state_to_state::Axis::new(from, to, self.smooth_limits());
+        let turn = state_to_state::Problem::new(from, to, self.smooth_limits());
         let turn = state_to_state::plan(&turn, 0.0).map_or(0.0, |it| it.duration());
         self.ramp + Duration::from_secs_f64(turn) + SETTLING
     }

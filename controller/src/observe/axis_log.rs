@@ -3,7 +3,7 @@
 use crate::control::Row;
 use crate::machine::COORDINATES;
 use crossbeam::channel::{self, Receiver, Sender};
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 
 /// What an axis did at one SYNC.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,7 +30,7 @@ impl AxisLog {
     /// Of the axis with that letter, and where its samples come out. They wait there for who takes them, however many
     /// they are.
     #[must_use]
-    pub fn new(letter: Axis) -> (Self, Receiver<AxisSample>) {
+    pub fn new(letter: AxisLetter) -> (Self, Receiver<AxisSample>) {
         let (to, samples) = channel::unbounded();
         let coordinate = letter.index();
         (Self { coordinate, to }, samples)

@@ -303,8 +303,13 @@ fn fitted_probe(
     (probe, told): (&TouchProbe, InputMeaning),
     device: impl Fn(usize) -> Option<DeviceId>,
 ) -> Result<Option<FittedProbe>, PortError> {
-    let moving = |letter: gcode::Axis| machine.axes.iter().find(|axis| axis.letter == letter);
-    let axes = [gcode::Axis::X, gcode::Axis::Y, gcode::Axis::Z].map(moving);
+    let moving = |letter: gcode::AxisLetter| machine.axes.iter().find(|axis| axis.letter == letter);
+    let axes = [
+        gcode::AxisLetter::X,
+        gcode::AxisLetter::Y,
+        gcode::AxisLetter::Z,
+    ]
+    .map(moving);
     let probes = machine.inputs.iter().filter(|input| input.meaning == told);
     let drives = axes.iter().flatten().flat_map(|axis| axis.drives.clone());
     let concerned: Vec<usize> = drives

@@ -36,11 +36,11 @@ pub enum Bound {
     /// What F asks for.
     Feed,
     /// `max_velocity` of an axis.
-    Velocity(gcode::Axis),
+    Velocity(gcode::AxisLetter),
     /// `max_acceleration` of an axis.
-    Acceleration(gcode::Axis),
+    Acceleration(gcode::AxisLetter),
     /// `max_jerk` of an axis.
-    Jerk(gcode::Axis),
+    Jerk(gcode::AxisLetter),
     /// How far the path may leave what is programmed, of the machine file and of G64 P and Q alike.
     Tolerance,
 }
@@ -103,7 +103,7 @@ impl Bound {
         };
         BoundShare {
             what,
-            axis: axis.map(gcode::Axis::name),
+            axis: axis.map(gcode::AxisLetter::name),
             share,
             saves_s,
         }

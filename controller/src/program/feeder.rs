@@ -386,7 +386,7 @@ impl Feeder {
                 self.searches += 1;
                 self.search = Some(Instruction::Home {
                     number: self.searches,
-                    axes: gcode::Axis::ALL.map(|axis| axes.contains(axis)),
+                    axes: gcode::AxisLetter::ALL.map(|axis| axes.contains(axis)),
                 });
                 self.stop_then(StopPoint::Home { line });
             }

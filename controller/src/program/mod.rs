@@ -262,7 +262,7 @@ pub enum ProgramError {
         /// File, line and column.
         place: String,
         /// The axis.
-        axis: gcode::Axis,
+        axis: gcode::AxisLetter,
     },
     /// The axes cannot cut a thread.
     #[error("{place}: no thread: {source}")]
@@ -644,7 +644,7 @@ impl Program {
     fn homed_from(&self, start: Position) -> Option<(AxisSet, Option<Tables>)> {
         let (mut interpreter, entry) = self.interpret(start).ok()?;
         let begins_at = entry.map_or(start, |entry| entry.at.0);
-        let rests = |axis: &gcode::Axis| begins_at[axis.index()] == start[axis.index()];
+        let rests = |axis: &gcode::AxisLetter| begins_at[axis.index()] == start[axis.index()];
         let mut homed = AxisSet::NONE;
         while let Some(Ok(command)) = interpreter.next() {
             match command.action {

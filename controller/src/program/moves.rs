@@ -106,7 +106,7 @@ pub(super) struct MoveSource {
 }
 
 /// A move along a path that takes along an axis that goes point to point: the axis.
-pub(super) struct Mixed(pub(super) gcode::Axis);
+pub(super) struct Mixed(pub(super) gcode::AxisLetter);
 
 /// Where a command goes.
 fn destination(action: &Action) -> Option<Position> {
@@ -168,7 +168,7 @@ impl MoveSource {
             _ => self.on_path(to) != self.at,
         };
         if along {
-            return Err(Mixed(gcode::Axis::ALL[first]));
+            return Err(Mixed(gcode::AxisLetter::ALL[first]));
         }
         let line = Curve::line(self.places, places).ok();
         let speed = (line.zip(feed(action)))
@@ -222,7 +222,10 @@ impl MoveSource {
             Action::Spline { spline, .. } => {
                 let controls = spline.controls().map(|[x, y]| {
                     let mut point = self.at;
-                    (point[gcode::Axis::X.index()], point[gcode::Axis::Y.index()]) = (x, y);
+                    (
+                        point[gcode::AxisLetter::X.index()],
+                        point[gcode::AxisLetter::Y.index()],
+                    ) = (x, y);
                     point
                 });
                 (Curve::spline(controls), spline.to.0)

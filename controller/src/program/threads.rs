@@ -2,7 +2,7 @@
 
 use crate::control::ThreadMove;
 use crate::machine::{COORDINATES, Machine, Position};
-use syncline_gcode::{Axis, Spindle, Turning};
+use syncline_gcode::{AxisLetter, Spindle, Turning};
 use syncline_trajectory::path::{Curve, Limits};
 use syncline_trajectory::synchronous::{BEYOND, Tapping, Thread};
 
@@ -47,7 +47,7 @@ pub enum NoThread {
     )]
     NoRoom {
         /// Whose soft limits.
-        axis: Axis,
+        axis: AxisLetter,
         /// mm
         beyond: f64,
     },
@@ -151,7 +151,7 @@ impl Threads {
         direction: &Position,
         beyond: f64,
     ) -> Result<(), NoThread> {
-        for axis in Axis::ALL {
+        for axis in AxisLetter::ALL {
             let at = axis.index();
             let deepest = end[at] + beyond * direction[at];
             let Some((least, most)) = self.travel[at].filter(|_| direction[at] != 0.0) else {

@@ -5,7 +5,7 @@ use crate::control::{self, Order};
 use crate::machine::COORDINATES;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 use syncline_trajectory::path;
 
 /// Something that an operator asks for. It takes effect in the next cycle.
@@ -36,10 +36,10 @@ pub enum Command {
     Jog(Jog),
     /// Renews the continuous jog of an axis that the same source began, as it has to within
     /// [`HOLD_TO_RUN`](crate::control::HOLD_TO_RUN); where there is none nothing changes.
-    RenewJog(#[serde(with = "letter")] Axis),
+    RenewJog(#[serde(with = "letter")] AxisLetter),
     /// Ends the continuous jog of an axis, whoever began it, as when a key is released; where there is none
     /// nothing changes.
-    EndJog(#[serde(with = "letter")] Axis),
+    EndJog(#[serde(with = "letter")] AxisLetter),
     /// Changes by how much [`Jog::Step`] moves.
     JogStep(StepChange),
     /// Goes to a position in work coordinates, mm and degrees by letter, on a straight line and as
@@ -192,7 +192,7 @@ pub enum Jog {
     Step {
         /// Which axis.
         #[serde(with = "letter")]
-        axis: Axis,
+        axis: AxisLetter,
         /// To which side.
         direction: Direction,
     },
@@ -200,7 +200,7 @@ pub enum Jog {
     By {
         /// Which axis.
         #[serde(with = "letter")]
-        axis: Axis,
+        axis: AxisLetter,
         /// With its sign, mm or degrees.
         distance: f64,
         /// How fast.
@@ -210,7 +210,7 @@ pub enum Jog {
     Continuous {
         /// Which axis.
         #[serde(with = "letter")]
-        axis: Axis,
+        axis: AxisLetter,
         /// To which side.
         direction: Direction,
         /// How fast.
@@ -282,15 +282,15 @@ impl Jog {
 mod letter {
     use serde::de::Error;
     use serde::{Deserialize, Deserializer, Serializer};
-    use syncline_gcode::Axis;
+    use syncline_gcode::AxisLetter;
 
-    pub(super) fn serialize<S: Serializer>(axis: &Axis, to: S) -> Result<S::Ok, S::Error> {
+    pub(super) fn serialize<S: Serializer>(axis: &AxisLetter, to: S) -> Result<S::Ok, S::Error> {
         to.serialize_char(axis.letter())
     }
 
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Axis, D::Error> {
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<AxisLetter, D::Error> {
         let letter = char::deserialize(from)?;
-        Axis::from_letter(letter)
+        AxisLetter::from_letter(letter)
             .ok_or_else(|| D::Error::custom(format!("`{letter}` is no axis: X Y Z A B C U V W")))
     }
 }
@@ -328,7 +328,7 @@ mod tests {
             ),
             (
                 Command::Jog(Jog::Continuous {
-                    axis: Axis::X,
+                    axis: AxisLetter::X,
                     direction: Direction::Negative,
                     speed: None,
                 }),
@@ -341,8 +341,8 @@ mod tests {
                 },
                 r#"{"output":{"name":"clamp","on":true}}"#,
             ),
-            (Command::RenewJog(Axis::X), r#"{"renew_jog":"X"}"#),
-            (Command::EndJog(Axis::Z), r#"{"end_jog":"Z"}"#),
+            (Command::RenewJog(AxisLetter::X), r#"{"renew_jog":"X"}"#),
+            (Command::EndJog(AxisLetter::Z), r#"{"end_jog":"Z"}"#),
             (
                 Command::Jog(Jog::To(to)),
                 r#"{"jog":{"to":[null,20.0,null,null,null,null,null,null,null]}}"#,

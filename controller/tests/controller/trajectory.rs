@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use syncline_controller::observe::sampled::{Judged, Judgement, SampledMotion, Samples};
 use syncline_trajectory::limits::Limits;
 use syncline_trajectory::profile::{Profile, State};
-use syncline_trajectory::state_to_state::{self, Axis};
+use syncline_trajectory::state_to_state::{self, Problem};
 
 /// Instants in a sample's step at which the motion is looked at.
 const FINE: usize = 16;
@@ -16,8 +16,8 @@ const TELLS: f64 = 1e-3;
 fn plan(distance: f64, limits: [f64; 3]) -> Profile {
     let [velocity, acceleration, jerk] = limits;
     let limits = Limits::symmetric(velocity, acceleration, jerk);
-    let axis = Axis::new(State::at_rest(0.0), State::at_rest(distance), limits);
-    state_to_state::plan(&axis, 0.0).unwrap()
+    let problem = Problem::new(State::at_rest(0.0), State::at_rest(distance), limits);
+    state_to_state::plan(&problem, 0.0).unwrap()
 }
 
 /// Its velocity, acceleration and jerk.

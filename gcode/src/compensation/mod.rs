@@ -50,7 +50,7 @@ use std::collections::VecDeque;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use super::arc::{Arc, Direction, Plane};
-use super::axes::{Axis, Point};
+use super::axes::{AxisLetter, Point};
 use super::command::{Action, Command, Feed, Span};
 use super::error::{Fault, Origin, Refusal};
 use segment::{CircularArc, ROUNDING, Segment, Vector, along, cross, distance, dot, left_of};
@@ -77,7 +77,7 @@ pub(crate) struct Cutter {
 }
 
 /// Where a refused motion is looked up: the machine's limits, from a point on.
-pub(crate) type Judge<'a> = &'a dyn Fn(&Point, &Action) -> Result<(), (Axis, Fault)>;
+pub(crate) type Judge<'a> = &'a dyn Fn(&Point, &Action) -> Result<(), (AxisLetter, Fault)>;
 
 /// How fast a block is gone along.
 #[derive(Clone, Copy, Debug)]

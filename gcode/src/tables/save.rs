@@ -7,7 +7,7 @@
 //! that after a power cut it is the old one or the new one.
 
 use super::{ROTATION, Tables, TablesError, WORK_OFFSETS, read};
-use crate::axes::{Axis, Point};
+use crate::axes::{AxisLetter, Point};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::fs::{self, File};
@@ -75,7 +75,7 @@ enum Row {
 enum Column {
     Diameter,
     Rotation,
-    Axis(Axis),
+    Axis(AxisLetter),
 }
 
 /// As a person names the value: `G54 X`, `tool 3 diameter`.
@@ -140,7 +140,7 @@ impl<'a> Changes<'a> {
             put_one(Row::Work(name), Column::Rotation, degrees);
         }
         let mut put = |row, point: &Point| {
-            for axis in Axis::ALL {
+            for axis in AxisLetter::ALL {
                 put_one(row, Column::Axis(axis), point[axis]);
             }
         };

@@ -1,7 +1,7 @@
 //! Arcs: both formats, planes, helices, turns, and where they go between their ends.
 
 use proptest::prelude::*;
-use syncline_gcode::{Action, Arc, Axis, Feed, Plane};
+use syncline_gcode::{Action, Arc, AxisLetter, Feed, Plane};
 
 use super::listing::{listing, run};
 
@@ -76,7 +76,7 @@ proptest! {
                 let arc = arc_of(&program);
                 for k in 0..=100 {
                     let point = arc.at(f64::from(k) / 100.0);
-                    let away = point[Axis::X].hypot(point[Axis::Y]) - radius;
+                    let away = point[AxisLetter::X].hypot(point[AxisLetter::Y]) - radius;
                     prop_assert!(away.abs() < off.abs() + arc.deviation + 1e-6, "{}", away);
                 }
             }

@@ -1,6 +1,6 @@
 //! Canned cycles.
 
-use syncline_gcode::{Axis, Setup};
+use syncline_gcode::{AxisLetter, Setup};
 
 use super::listing::{listing, refusal_with, refusals};
 
@@ -71,7 +71,7 @@ fn what_cannot_be_drilled() {
         ("G98 G99", "1:5"),
         ("F100 G53 G81 X1 Z-1 R1", "1:6"),
     ]);
-    let rotary = Setup::new(Axis::ALL[..4].iter().copied().collect());
+    let rotary = Setup::new(AxisLetter::ALL[..4].iter().copied().collect());
     messages += &refusal_with(rotary, "F100 G81 X1 Z-1 R1 A90");
     insta::assert_snapshot!(messages);
 }

@@ -1,18 +1,18 @@
 //! Homing from a program: what it asks for, where the program goes on, and what is refused.
 
 use proptest::prelude::*;
-use syncline_gcode::{Action, Axis, AxisSet, Homed, Interpreter, Point, Setup};
+use syncline_gcode::{Action, AxisLetter, AxisSet, Homed, Interpreter, Point, Setup};
 
 use super::listing::{begun_at, xyz};
 
 /// X is homed to 4, Y by hand where it is named; Z knows where it is.
 fn setup() -> Setup {
     let mut setup = xyz();
-    setup.homed[Axis::X.index()] = Some(Homed {
+    setup.homed[AxisLetter::X.index()] = Some(Homed {
         at: Some(4.0),
         unnamed: true,
     });
-    setup.homed[Axis::Y.index()] = Some(Homed {
+    setup.homed[AxisLetter::Y.index()] = Some(Homed {
         at: Some(-7.0),
         unnamed: false,
     });
@@ -46,7 +46,7 @@ fn the_program_goes_on_from_where_the_axes_are() {
     let text = "G21 G90 G54\n#5221 = 10\nG0 X1 Y2 Z3\nG28.2\nG0 X1\nG28.2 X0 Y0\nG91 G0 X1 Y1\nG90 G53 G0 X#5420\nM2\n";
     let mut program = Interpreter::from_text("part.ngc", text, setup());
     let (homed, rapids) = next_homing(&mut program);
-    let x: AxisSet = [Axis::X].into_iter().collect();
+    let x: AxisSet = [AxisLetter::X].into_iter().collect();
     assert_eq!(homed, Some((x, point(4.0, 2.0, 3.0))));
     assert_eq!(rapids, [point(11.0, 2.0, 3.0)]);
     // It is not quite where it was expected.
@@ -54,7 +54,7 @@ fn the_program_goes_on_from_where_the_axes_are() {
     assert_eq!(program.position(), point(4.001, 2.0, 3.0));
     let (homed, rapids) = next_homing(&mut program);
     assert_eq!(rapids, [point(11.0, 2.0, 3.0)]);
-    let both: AxisSet = [Axis::X, Axis::Y].into_iter().collect();
+    let both: AxisSet = [AxisLetter::X, AxisLetter::Y].into_iter().collect();
     assert_eq!(homed, Some((both, point(4.0, -7.0, 3.0))));
     program.homed(point(4.0, -7.0, 3.0));
     let (homed, rapids) = next_homing(&mut program);
@@ -90,7 +90,7 @@ fn what_cannot_be_homed_is_refused() {
     );
     assert!(told.contains("4:1"), "{told}");
     let mut by_hand = setup();
-    by_hand.homed[Axis::X.index()] = None;
+    by_hand.homed[AxisLetter::X.index()] = None;
     let told = refused(by_hand, "G28.2\n");
     assert!(
         told.contains("G28.2 homes no axis without its name"),
@@ -145,7 +145,7 @@ proptest! {
                     prop_assert!(*kind < 3);
                     prop_assert!(program.next().is_none());
                     let (x, y) = places.next().unwrap();
-                    for (axis, place) in [(Axis::X, x), (Axis::Y, y)] {
+                    for (axis, place) in [(AxisLetter::X, x), (AxisLetter::Y, y)] {
                         if axes.contains(axis) {
                             at[axis] = place;
                         }
@@ -155,8 +155,8 @@ proptest! {
                 Some(Action::Rapid { to }) => {
                     prop_assert_eq!(*kind, 3);
                     let round = |value: f64| (value * 1e3).round() / 1e3;
-                    at[Axis::X] += round(*x);
-                    at[Axis::Y] += round(*y);
+                    at[AxisLetter::X] += round(*x);
+                    at[AxisLetter::Y] += round(*y);
                     let off = to.0.iter().zip(at.0).map(|(to, at)| (to - at).abs());
                     prop_assert!(off.fold(0.0, f64::max) < 1e-9, "{:?} {:?}", to, at);
                     at = to;

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use proptest::sample::select;
 use syncline_gcode::{
-    Action, Axis, Error, InEffect, Interpreter, Memory, Place, Point, Setup, TakenInput,
+    Action, AxisLetter, Error, InEffect, Interpreter, Memory, Place, Point, Setup, TakenInput,
 };
 
 use super::listing::{refusals_with, xyz};
@@ -39,7 +39,7 @@ fn run(program: &str, setup: Setup, found: &[f64]) -> Result<(Run, Memory), Erro
                 done.asked.push(asks);
             }
             match action {
-                Action::Rapid { to } => done.went.push(to[Axis::X]),
+                Action::Rapid { to } => done.went.push(to[AxisLetter::X]),
                 Action::AwaitInput(_) | Action::TakeInput(_) => waits = true,
                 Action::ReadSignals { .. } => done.readings += 1,
                 _ => {}
@@ -92,7 +92,7 @@ fn the_next_job_knows_it() {
     let Action::Rapid { to } = program.next().unwrap().unwrap().action else {
         panic!("it moves")
     };
-    assert_eq!(to[Axis::X], 1.0);
+    assert_eq!(to[AxisLetter::X], 1.0);
 }
 
 #[test]

@@ -4,7 +4,7 @@
 use std::fs::{self, File};
 use std::process::Command;
 
-use syncline_gcode::{Action, Axis};
+use syncline_gcode::{Action, AxisLetter};
 
 use super::listing::run;
 use super::sweep::Random;
@@ -82,7 +82,7 @@ fn ours(program: &str) -> Option<Vec<Vec<f64>>> {
         Action::Rapid { to } | Action::Feed { to, .. } => Some(to.0[..3].to_vec()),
         Action::Arc { arc, .. } => {
             let [x, y] = arc.center;
-            Some(vec![arc.to[Axis::X], arc.to[Axis::Y], x, y])
+            Some(vec![arc.to[AxisLetter::X], arc.to[AxisLetter::Y], x, y])
         }
         _ => None,
     });

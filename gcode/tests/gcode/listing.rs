@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use syncline_gcode::{
-    Action, Axis, AxisSet, Command, Direction, Entry, Error, Feed, Interpreter, Point, Setup,
+    Action, AxisLetter, AxisSet, Command, Direction, Entry, Error, Feed, Interpreter, Point, Setup,
 };
 
 pub(crate) fn xyz() -> Setup {
@@ -105,7 +105,7 @@ fn show(action: &Action) -> String {
 }
 
 fn point(point: &Point) -> String {
-    let words: Vec<String> = Axis::ALL
+    let words: Vec<String> = AxisLetter::ALL
         .into_iter()
         .filter(|axis| AxisSet::XYZ.contains(*axis) || point[*axis] != 0.0)
         .map(|axis| format!("{axis}{}", round(point[axis])))

@@ -109,7 +109,7 @@ fn the_end_of_a_program_resets_what_rs_274_says_and_nothing_else() {
         };
         assert_eq!(modes, expected, "{end:?}");
         let shift = if resets { 0.0 } else { 25.4 };
-        let offset = memory.coordinates(&tables).origin[syncline_gcode::Axis::X];
+        let offset = memory.coordinates(&tables).origin[syncline_gcode::AxisLetter::X];
         assert!((offset.abs() - shift).abs() < 1e-9, "{end:?}: {offset}");
         let next = Setup {
             memory,

@@ -1,7 +1,7 @@
 //! Motions, modes and units.
 
 use super::listing::{listing, listing_with, run, xyz};
-use syncline_gcode::{Action, Axis, AxisSet, Interpreter, Point, Setup};
+use syncline_gcode::{Action, AxisLetter, AxisSet, Interpreter, Point, Setup};
 
 #[test]
 fn a_plain_part() {
@@ -78,7 +78,7 @@ fn a_motion_keeps_the_axes_that_it_does_not_name() {
     let Action::Rapid { to } = commands[0].action else {
         panic!("{commands:?}")
     };
-    assert_eq!((to[Axis::X], to[Axis::Y]), (0.1, 0.2));
+    assert_eq!((to[AxisLetter::X], to[AxisLetter::Y]), (0.1, 0.2));
 }
 
 #[test]
@@ -90,7 +90,11 @@ fn path_modes() {
 
 #[test]
 fn rotary_axes_follow_in_degrees() {
-    let setup = Setup::new([Axis::X, Axis::A].into_iter().collect::<AxisSet>());
+    let setup = Setup::new(
+        [AxisLetter::X, AxisLetter::A]
+            .into_iter()
+            .collect::<AxisSet>(),
+    );
     insta::assert_snapshot!(listing_with(setup, "G20 F6 G1 X1 A90\nA180\nG0 A0\nM2"));
 }
 

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use std::sync::Arc;
 use syncline_gcode::{
-    Action, Axis, Error, InEffect, Interpreter, MachineNames, Place, Point, Setup,
+    Action, AxisLetter, Error, InEffect, Interpreter, MachineNames, Place, Point, Setup,
 };
 
 use super::listing::{refusals_with, run_with, xyz};
@@ -33,7 +33,9 @@ fn read(program: &str, found: &[[f64; 3]]) -> Result<(Vec<[f64; 3]>, Vec<u32>), 
         while let Some(command) = interpreter.next() {
             let command = command?;
             match command.action {
-                Action::Rapid { to } => went.push([to[Axis::X], to[Axis::Y], to[Axis::Z]]),
+                Action::Rapid { to } => {
+                    went.push([to[AxisLetter::X], to[AxisLetter::Y], to[AxisLetter::Z]])
+                }
                 Action::ReadSignals { .. } => {
                     lines.push(command.span.line);
                     assert!(interpreter.awaits_signals() && interpreter.next().is_none());
@@ -51,7 +53,7 @@ fn read(program: &str, found: &[[f64; 3]]) -> Result<(Vec<[f64; 3]>, Vec<u32>), 
 
 #[test]
 fn values_of_the_machine_file_are_known_at_once() {
-    let program = "G0 X[#<_ini[axis.X]max_velocity> / 100] Y#<_INI[ Axis.x ]soft_limits[1]>\n\
+    let program = "G0 X[#<_ini[axis.X]max_velocity> / 100] Y#<_INI[ AxisLetter.x ]soft_limits[1]>\n\
                    G0 Z[EXISTS[#<_ini[axis.X]drive_soft_limits>] + EXISTS[#<_ini[axis.Y]max_velocity>]]\nM2\n";
     let (went, lines) = read(program, &[]).unwrap();
     assert_eq!(went, [[7.0, 1500.0, 0.0], [7.0, 1500.0, 1.0]]);

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use syncline_gcode::{Action, Axis, Interpreter, Point, Setup, Tables, Tool};
+use syncline_gcode::{Action, AxisLetter, Interpreter, Point, Setup, Tables, Tool};
 
 use super::listing::{listing, listing_with, refusals, run_with, xyz};
 
@@ -166,8 +166,8 @@ fn tables_round_trip_through_their_file() {
     let file = Path::new("portal.tables.toml");
     let tables = Tables::parse(file, TABLES).unwrap();
     assert_eq!(tables.work_offsets[0], Point::xyz(400.0, 300.0, -250.0));
-    assert_eq!(tables.work_offsets[6][Axis::Z], 1.0);
-    assert_eq!(tables.tools[&3].offset[Axis::Z], 52.3);
+    assert_eq!(tables.work_offsets[6][AxisLetter::Z], 1.0);
+    assert_eq!(tables.tools[&3].offset[AxisLetter::Z], 52.3);
 
     let directory = tempfile::tempdir().unwrap();
     let saved = Tables::beside(&directory.path().join("portal.toml"));
@@ -201,11 +201,11 @@ fn a_tables_file_keeps_its_comments_order_and_layout() {
     let before = Tables::load(&file).unwrap();
     let mut after = before.clone();
     // With the dust of arithmetic, which is not stored.
-    after.work_offsets[0][Axis::X] = 401.250_000_000_000_06;
-    after.work_offsets[0][Axis::Y] = 299.999_999_999_999_94;
-    after.work_offsets[0][Axis::Z] = -7.5;
-    after.tools.get_mut(&3).unwrap().offset[Axis::Z] = 52.0;
-    after.g28[Axis::Z] = -1.0;
+    after.work_offsets[0][AxisLetter::X] = 401.250_000_000_000_06;
+    after.work_offsets[0][AxisLetter::Y] = 299.999_999_999_999_94;
+    after.work_offsets[0][AxisLetter::Z] = -7.5;
+    after.tools.get_mut(&3).unwrap().offset[AxisLetter::Z] = 52.0;
+    after.g28[AxisLetter::Z] = -1.0;
     after.save(&file, &before).unwrap();
     let text = std::fs::read_to_string(&file).unwrap();
     let expected = BY_HAND
@@ -233,14 +233,14 @@ fn what_others_set_meanwhile_is_kept() {
         change(&mut tables);
         tables
     };
-    let one = with(|tables| tables.work_offsets[0][Axis::X] = 1.0);
-    let other = with(|tables| tables.work_offsets[0][Axis::Y] = 2.0);
+    let one = with(|tables| tables.work_offsets[0][AxisLetter::X] = 1.0);
+    let other = with(|tables| tables.work_offsets[0][AxisLetter::Y] = 2.0);
     one.save(&file, &before).unwrap();
     other.save(&file, &before).unwrap();
     let both = Tables::load(&file).unwrap();
     assert_eq!(both.work_offsets[0], Point::xyz(1.0, 2.0, 0.0));
 
-    let late = with(|tables| tables.work_offsets[0][Axis::X] = 3.0);
+    let late = with(|tables| tables.work_offsets[0][AxisLetter::X] = 3.0);
     let error = late.save(&file, &before).unwrap_err().to_string();
     let told = ": G54 X was 400 at the start, is 1 now, and the program sets 3: ";
     assert!(error.contains(told), "{error}");
@@ -262,7 +262,7 @@ fn saving_follows_no_planted_link() {
     Tables::probe(&file).unwrap();
     let before = Tables::load(&file).unwrap();
     let mut after = before.clone();
-    after.g30[Axis::X] = 5.0;
+    after.g30[AxisLetter::X] = 5.0;
     after.save(&file, &before).unwrap();
     assert_eq!(Tables::load(&at("shared.toml")).unwrap(), after);
     assert!(file.is_symlink());
@@ -309,8 +309,8 @@ fn the_interpreter_keeps_what_the_program_sets() {
     let mut program =
         Interpreter::from_text("part.ngc", "G10 L2 P3 X5\nG0 X1\nG28.1\nM2", with_tools());
     assert!(program.by_ref().all(|command| command.is_ok()));
-    assert_eq!(program.tables().work_offsets[2][Axis::X], 5.0);
-    assert_eq!(program.tables().g28[Axis::X], 101.0);
+    assert_eq!(program.tables().work_offsets[2][AxisLetter::X], 5.0);
+    assert_eq!(program.tables().g28[AxisLetter::X], 101.0);
 }
 
 /// Where an axis was measured at the start, what tables take of it is no noise; where a move has led it, they
@@ -336,7 +336,7 @@ fn no_encoder_noise_comes_into_the_tables() {
         while interpreter.next().is_some() {}
         let tables = interpreter.tables();
         assert_eq!(tables.work_offsets[0].0[..3], work, "{program}");
-        assert_eq!(tables.g28[Axis::X], reference, "{program}");
+        assert_eq!(tables.g28[AxisLetter::X], reference, "{program}");
     }
 }
 

@@ -96,7 +96,7 @@ fn what_cannot_be_is_refused() {
     );
     insta::assert_snapshot!(refused);
     let mut turns = with_probe();
-    turns.axes.insert(syncline_gcode::Axis::A);
+    turns.axes.insert(syncline_gcode::AxisLetter::A);
     let refused = refusals_with(&turns, &[("G38.2 X5 A5 F100", "1:10")]);
     assert!(refused.contains("G38.2 does not turn A"), "{refused}");
     // Behind a probing nothing is known.

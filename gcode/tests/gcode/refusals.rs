@@ -1,7 +1,7 @@
 //! What is refused, where, and what the message says to do.
 
 use proptest::prelude::*;
-use syncline_gcode::{Action, Axis, Interpreter, MAX_LINE, Setup};
+use syncline_gcode::{Action, AxisLetter, Interpreter, MAX_LINE, Setup};
 
 use super::listing::{refusal, refusal_with, refusals, refusals_with, run, run_with, xyz};
 
@@ -176,7 +176,7 @@ fn soft_limits_hold_for_the_whole_motion() {
     setup.limits[0] = Some((0.0, 100.0));
     setup.limits[1] = Some((0.0, 50.0));
     setup.limits[2] = Some((-30.0, 0.0));
-    setup.tables.work_offsets[1][syncline_gcode::Axis::X] = 20.0;
+    setup.tables.work_offsets[1][syncline_gcode::AxisLetter::X] = 20.0;
     let programs = [
         ("G0 X100 Y50 Z-30\nX100.001", "2:1"),
         ("G0 Y-0.5 X1", "1:4"),
@@ -276,7 +276,7 @@ fn a_medium_that_fails() {
 
 #[test]
 fn arcs_need_the_axes_of_their_plane() {
-    let lathe = Setup::new([Axis::X, Axis::Z].into_iter().collect());
+    let lathe = Setup::new([AxisLetter::X, AxisLetter::Z].into_iter().collect());
     let message = refusal_with(lathe.clone(), "F100 G2 X10 I5");
     assert!(
         message.starts_with("part.ngc:1:6: the machine has no axis Y"),

@@ -1,7 +1,7 @@
 //! G5, G5.1, and G5.2 to G5.3.
 
 use proptest::prelude::*;
-use syncline_gcode::{Action, Axis, Interpreter, Spline};
+use syncline_gcode::{Action, AxisLetter, Interpreter, Spline};
 
 use super::listing::{listing, listing_with, refusals_with, run, xyz};
 
@@ -86,7 +86,7 @@ fn weights_make_circles() {
         let part = f64::from(k) / 100.0;
         for piece in &pieces {
             let point = piece.at(part);
-            let radius = point[Axis::X].hypot(point[Axis::Y]);
+            let radius = point[AxisLetter::X].hypot(point[AxisLetter::Y]);
             assert!((radius - 20.0).abs() < 1e-6, "{radius}");
         }
     }
@@ -144,7 +144,7 @@ proptest! {
             for k in 0..=10 {
                 let part = f64::from(k) / 10.0;
                 let t = span as f64 + part;
-                for (axis, index) in [(Axis::X, 0), (Axis::Y, 1)] {
+                for (axis, index) in [(AxisLetter::X, 0), (AxisLetter::Y, 1)] {
                     let expected: f64 = (0..count)
                         .map(|i| basis(order, count, i, order - 1, t) * controls[i][index])
                         .sum();
@@ -197,7 +197,7 @@ proptest! {
             let off = |part: f64, t: f64| {
                 let found = piece.at(part);
                 let [x, y] = on_curve(t);
-                (found[Axis::X] - x).hypot(found[Axis::Y] - y)
+                (found[AxisLetter::X] - x).hypot(found[AxisLetter::Y] - y)
             };
             prop_assert!(off(0.0, span as f64 + from) < 1e-8);
             // The widest stretch that begins here and whose end is the piece's.
@@ -219,7 +219,7 @@ proptest! {
         prop_assert_eq!((span, from), (spans, 0.0));
         prop_assert!(pieces.len() <= spans * 512, "{} pieces", pieces.len());
         let end = pieces.last().unwrap().to;
-        prop_assert_eq!([end[Axis::X], end[Axis::Y]], points[points.len() - 1]);
+        prop_assert_eq!([end[AxisLetter::X], end[AxisLetter::Y]], points[points.len() - 1]);
     }
 
     /// G5 and G5.1 are Bezier's curves of their control points; what they cover holds them and no more.
@@ -238,7 +238,7 @@ proptest! {
         let spline = splines(&program)[0];
         let binomial = |n: usize, k: usize| (1..=k).fold(1.0, |c, m| c * (n + 1 - m) as f64 / m as f64);
         let n = controls.len() - 1;
-        for (axis, index) in [(Axis::X, 0), (Axis::Y, 1)] {
+        for (axis, index) in [(AxisLetter::X, 0), (AxisLetter::Y, 1)] {
             let at = |u: f64| -> f64 {
                 (0..=n).map(|k| {
                     binomial(n, k) * u.powi(k as i32) * (1.0 - u).powi((n - k) as i32) * controls[k][index]

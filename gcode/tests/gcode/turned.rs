@@ -2,7 +2,9 @@
 
 use proptest::prelude::*;
 use proptest::sample::select;
-use syncline_gcode::{Action, Axis, Command, Interpreter, Point, Setup, Tool, WorkCoordinates};
+use syncline_gcode::{
+    Action, AxisLetter, Command, Interpreter, Point, Setup, Tool, WorkCoordinates,
+};
 
 use super::listing::{listing, refusals_with, run_with, xyz};
 
@@ -20,24 +22,31 @@ fn turned(origin: Point, degrees: f64) -> Setup {
 
 /// A point of the plane turned about another.
 fn about(center: &Point, degrees: f64, point: [f64; 2]) -> [f64; 2] {
-    let [x, y] = [point[0] - center[Axis::X], point[1] - center[Axis::Y]];
+    let [x, y] = [
+        point[0] - center[AxisLetter::X],
+        point[1] - center[AxisLetter::Y],
+    ];
     let (sine, cosine) = degrees.to_radians().sin_cos();
     [
-        center[Axis::X] + x * cosine - y * sine,
-        center[Axis::Y] + x * sine + y * cosine,
+        center[AxisLetter::X] + x * cosine - y * sine,
+        center[AxisLetter::Y] + x * sine + y * cosine,
     ]
 }
 
 /// What a command says of places: points of the plane, then values that do not turn.
 fn places(command: &Command) -> (Vec<[f64; 2]>, Vec<f64>) {
-    let plane = |point: &Point| [point[Axis::X], point[Axis::Y]];
+    let plane = |point: &Point| [point[AxisLetter::X], point[AxisLetter::Y]];
     match &command.action {
-        Action::Rapid { to } | Action::Feed { to, .. } => (vec![plane(to)], vec![to[Axis::Z]]),
+        Action::Rapid { to } | Action::Feed { to, .. } => {
+            (vec![plane(to)], vec![to[AxisLetter::Z]])
+        }
         Action::Arc { arc, .. } => (
             vec![plane(&arc.from), plane(&arc.to), arc.center],
-            vec![arc.to[Axis::Z], arc.sweep],
+            vec![arc.to[AxisLetter::Z], arc.sweep],
         ),
-        Action::Spline { spline, .. } => (spline.controls().to_vec(), vec![spline.to[Axis::Z]]),
+        Action::Spline { spline, .. } => {
+            (spline.controls().to_vec(), vec![spline.to[AxisLetter::Z]])
+        }
         _ => (Vec::new(), Vec::new()),
     }
 }
@@ -95,7 +104,7 @@ fn what_is_refused() {
         let ended = run_with(setup.clone(), &format!("{right}\nM2"));
         assert!(ended.is_ok(), "{right}: {ended:?}");
     }
-    let mut setup = Setup::new([Axis::X, Axis::Z].into_iter().collect());
+    let mut setup = Setup::new([AxisLetter::X, AxisLetter::Z].into_iter().collect());
     setup.limits = [None; 9];
     insta::assert_snapshot!(refusals_with(&setup, &[("G10 L2 P1 R5", "1:11")]));
 }
@@ -209,7 +218,7 @@ proptest! {
             .collect();
         let (before, after) = (rapids[1], rapids[2]);
         let turned_anew = code.contains('R');
-        for (axis, word) in [Axis::X, Axis::Y, Axis::Z].into_iter().zip(words) {
+        for (axis, word) in [AxisLetter::X, AxisLetter::Y, AxisLetter::Z].into_iter().zip(words) {
             // Under another angle the same place has other coordinates.
             let expected = match word {
                 Some(word) => word,

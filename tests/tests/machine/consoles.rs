@@ -7,7 +7,7 @@ use syncline_controller::session::{
     Accepted, Command, Direction, Event, Jog, Operator, Override, Refusal, StepChange,
     Subscription, SwitchChange,
 };
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 use syncline_tests::rig::Rig;
 
 /// A line and an arc at 100 mm/s, with a program stop and M-codes.
@@ -61,7 +61,7 @@ impl Console {
 /// What sets something going.
 fn goings() -> impl Strategy<Value = Command> {
     let jog = Command::Jog(Jog::By {
-        axis: Axis::X,
+        axis: AxisLetter::X,
         distance: 5.0,
         speed: None,
     });
@@ -171,7 +171,7 @@ fn two_consoles_agree_about_everything() {
     go_on(&mut rig, &mut consoles, 400);
     assert!(rests(&rig));
     consoles[1].press(Command::Jog(Jog::Step {
-        axis: Axis::Z,
+        axis: AxisLetter::Z,
         direction: Direction::Negative,
     }));
     go_on(&mut rig, &mut consoles, 400);

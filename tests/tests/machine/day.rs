@@ -18,7 +18,7 @@ use syncline_controller::session::{
 use syncline_drives::bus::Transmission;
 use syncline_drives::model::PowerState;
 use syncline_drives::twin::{Disturbance, ErrorClass};
-use syncline_gcode::{Axis, Tables, Turning};
+use syncline_gcode::{AxisLetter, Tables, Turning};
 use syncline_tests::command::{Folder, ended, syncline};
 use syncline_tests::rig::Rig;
 use syncline_tests::terminal::Terminal;
@@ -61,7 +61,7 @@ pub(super) fn mdi(rig: &mut Rig, lines: &str) {
     go(rig, Command::Mdi(lines.to_owned()));
 }
 
-pub(super) fn positions<const N: usize>(axes: [(Axis, f64); N]) -> [Option<f64>; 9] {
+pub(super) fn positions<const N: usize>(axes: [(AxisLetter, f64); N]) -> [Option<f64>; 9] {
     let mut positions = [None; 9];
     for (axis, position) in axes {
         positions[axis.index()] = Some(position);
@@ -69,12 +69,12 @@ pub(super) fn positions<const N: usize>(axes: [(Axis, f64); N]) -> [Option<f64>;
     positions
 }
 
-pub(super) fn at(rig: &Rig, axis: Axis) -> f64 {
+pub(super) fn at(rig: &Rig, axis: AxisLetter) -> f64 {
     rig.session.status().setpoint[axis.index()]
 }
 
 /// Where an axis is in work coordinates.
-pub(super) fn work(rig: &Rig, axis: Axis) -> f64 {
+pub(super) fn work(rig: &Rig, axis: AxisLetter) -> f64 {
     at(rig, axis) - rig.session.status().offset[axis.index()]
 }
 
@@ -99,8 +99,8 @@ fn a_machine_that_is_off_takes_no_command() {
     let settings = rig.session.status().settings;
     let commands = [
         Command::JogStep(StepChange::Greater),
-        Command::RenewJog(Axis::X),
-        Command::EndJog(Axis::X),
+        Command::RenewJog(AxisLetter::X),
+        Command::EndJog(AxisLetter::X),
         Command::FeedOverride(Override::To(40.0)),
         Command::RapidOverride(Override::To(40.0)),
         Command::SingleBlock(SwitchChange::Toggle),
@@ -108,7 +108,7 @@ fn a_machine_that_is_off_takes_no_command() {
         Command::Load(file),
         Command::Run { from_line: None },
         Command::Jog(Jog::Step {
-            axis: Axis::X,
+            axis: AxisLetter::X,
             direction: Direction::Positive,
         }),
         Command::Stop,
@@ -154,7 +154,7 @@ fn a_program_that_begins_at_a_line_waits_for_cycle_start() {
     go(
         &mut rig,
         Command::Jog(Jog::Step {
-            axis: Axis::Y,
+            axis: AxisLetter::Y,
             direction: Direction::Positive,
         }),
     );
@@ -210,8 +210,8 @@ proptest! {
         let [whole, begun] = [None, line].map(|from_line| {
             let switched = rig.switches.len();
             rig.command(Command::Run { from_line });
-            rig.run_until(|rig| at(rig, Axis::X) < 100.0);
-            rig.run_until(|rig| at(rig, Axis::X) > 150.0);
+            rig.run_until(|rig| at(rig, AxisLetter::X) < 100.0);
+            rig.run_until(|rig| at(rig, AxisLetter::X) > 150.0);
             let functions = rig.rows.last().expect("it moves").functions;
             let switched = rig.switches[switched..].to_vec();
             settle(&mut rig);
@@ -255,7 +255,7 @@ fn a_machine_that_is_enabled_again_is_judged_from_where_it_stands() {
 }
 
 /// The work offset that the tables beside a machine's file have, once they have it.
-pub(super) fn offset_of(machine: &Path, axis: Axis) -> Option<f64> {
+pub(super) fn offset_of(machine: &Path, axis: AxisLetter) -> Option<f64> {
     let tables = Tables::load(&Tables::beside(machine)).ok()?;
     Some(tables.work_offsets[0][axis])
 }
@@ -307,7 +307,7 @@ fn lines_of_text_are_a_day_too() {
     ] {
         assert!(told.contains(part), "{part}: {told}{errors}");
     }
-    let offset = offset_of(&machine, Axis::X).unwrap_or_default();
+    let offset = offset_of(&machine, AxisLetter::X).unwrap_or_default();
     assert!((offset - 10.0).abs() < 0.01, "{offset}");
 }
 
@@ -336,11 +336,11 @@ fn a_key_that_is_held_jogs_until_it_is_released() {
     terminal.wait_for("\x1B[>3u");
     // Where it rests: offsets are refused before.
     let rests = |terminal: &mut Terminal| {
-        let before = offset_of(&machine, Axis::X);
+        let before = offset_of(&machine, AxisLetter::X);
         for _ in 0..300 {
             terminal.press(b":set_offset X-7\r");
             thread::sleep(Duration::from_millis(100));
-            let offset = offset_of(&machine, Axis::X);
+            let offset = offset_of(&machine, AxisLetter::X);
             if offset.is_some() && offset != before {
                 return offset.unwrap_or_default();
             }
@@ -473,7 +473,7 @@ impl Deed {
 }
 
 pub(super) fn deed() -> impl Strategy<Value = Deed> {
-    let axis = || select(&[Axis::X, Axis::Y, Axis::Z][..]);
+    let axis = || select(&[AxisLetter::X, AxisLetter::Y, AxisLetter::Z][..]);
     let direction = || select(&[Direction::Positive, Direction::Negative][..]);
     let jog = prop_oneof![
         (axis(), direction()).prop_map(|(axis, direction)| Jog::Step { axis, direction }),
@@ -493,7 +493,7 @@ pub(super) fn deed() -> impl Strategy<Value = Deed> {
         1 => (axis(), -5.0..5.0).prop_map(|(axis, to)| Command::GoTo(positions([(axis, to)]))),
         1 => (axis(), -5.0..5.0)
             .prop_map(|(axis, to)| Command::SetWorkOffset(positions([(axis, to)]))),
-        1 => Just(Command::SetToolLength(positions([(Axis::Z, 0.0)]))),
+        1 => Just(Command::SetToolLength(positions([(AxisLetter::Z, 0.0)]))),
         12 => select(vec![
             Command::CycleStart,
             Command::FeedHold,

@@ -9,7 +9,7 @@ use syncline_controller::control::fault::{AxisCause, DeviceCause};
 use syncline_controller::control::{Event, Fault, HomingFailure, State};
 use syncline_controller::session::Command;
 use syncline_drives::twin::{Disturbance, ErrorClass};
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 use syncline_tests::rig::Rig;
 
 /// The homing of the router's Y in its machine file.
@@ -150,7 +150,7 @@ fn is_as_before(rig: &Rig) -> bool {
 
 /// Homes Y, and holds its torque against the limit for as long as that is in effect.
 fn homed(rig: &mut Rig, case: &Case) {
-    rig.command(home(Axis::Y));
+    rig.command(home(AxisLetter::Y));
     let mut samples = Vec::new();
     let mut since = 0;
     while since < 6 && rig.step() {
@@ -177,15 +177,15 @@ fn day() -> String {
     let mut rig = case.rig();
     go(&mut rig, ALL);
     assert_eq!(failure(&rig), None);
-    for axis in [Axis::X, Axis::Y, Axis::Z] {
+    for axis in [AxisLetter::X, AxisLetter::Y, AxisLetter::Z] {
         assert!(is_referenced(&rig, axis), "{:?}", rig.events);
     }
-    let shown = rig.session.status().setpoint[Axis::Y.index()];
+    let shown = rig.session.status().setpoint[AxisLetter::Y.index()];
     assert_eq!(shown, 0.0);
-    assert!(errors(&mut rig, Axis::Y)[0].abs() < 0.005);
+    assert!(errors(&mut rig, AxisLetter::Y)[0].abs() < 0.005);
     assert_eq!(limits(&rig).len(), 2);
     go(&mut rig, Command::Mdi("G0 X20 Y30 Z-5".to_owned()));
-    go(&mut rig, home(Axis::Y));
+    go(&mut rig, home(AxisLetter::Y));
     go(&mut rig, Command::Mdi("G0 X0 Y0 Z0".to_owned()));
     assert_eq!(rig.refused, []);
     assert!(is_as_before(&rig));
@@ -215,8 +215,8 @@ fn a_run_that_homes_so_passes() {
 fn failed(case: &Case) -> (Rig, HomingFailure, State, f64) {
     let mut rig = case.rig();
     let from = truth(&mut rig, Y);
-    go(&mut rig, home(Axis::Y));
-    assert!(!is_referenced(&rig, Axis::Y));
+    go(&mut rig, home(AxisLetter::Y));
+    assert!(!is_referenced(&rig, AxisLetter::Y));
     let moved = truth(&mut rig, Y) - from;
     let why = failure(&rig).unwrap_or_else(|| panic!("{:?}", rig.events));
     let state = state(&rig);
@@ -267,7 +267,7 @@ fn what_is_limited_as_much_already_is_told() {
         .collect();
     let mut rig = Rig::staying_on("router", &replacements, |_, _| ());
     settle(&mut rig);
-    go(&mut rig, home(Axis::Y));
+    go(&mut rig, home(AxisLetter::Y));
     assert_eq!(failure(&rig), Some(HomingFailure::WeakAlready));
     assert_eq!(state(&rig), State::Ready);
 }
@@ -291,7 +291,7 @@ fn a_drive_that_does_not_take_the_limit_is_a_fault() {
     let refused = Disturbance::RefuseWrite(limit, AbortCode::InvalidValue);
     rig.twin(Y).disturb(refused);
     let from = truth(&mut rig, Y);
-    go(&mut rig, home(Axis::Y));
+    go(&mut rig, home(AxisLetter::Y));
     assert_eq!(state(&rig), State::Faulted);
     let fault = rig.session.faults()[0];
     assert!(
@@ -303,8 +303,8 @@ fn a_drive_that_does_not_take_the_limit_is_a_fault() {
 
 /// Homes Y until it stands against something, in which its plan comes to rest; the events so far.
 fn to_contact(rig: &mut Rig) {
-    let y = Axis::Y.index();
-    rig.command(home(Axis::Y));
+    let y = AxisLetter::Y.index();
+    rig.command(home(AxisLetter::Y));
     let velocity = |rig: &mut Rig| {
         let row = rig.session.timeline().row();
         row.map_or(f64::NAN, |row| row.plan.velocity[y])
@@ -316,27 +316,27 @@ fn to_contact(rig: &mut Rig) {
 #[test]
 fn what_gives_way_is_no_stop() {
     let mut rig = Case::default().rig();
-    rig.command(home(Axis::Y));
+    rig.command(home(AxisLetter::Y));
     let from = truth(&mut rig, Y);
     rig.run_until(|rig| (truth(rig, Y) - from).abs() > 20.0);
     rig.twin(Y).disturb(Disturbance::Block(true));
     rig.run_until(|rig| {
         let row = rig.session.timeline().row();
-        row.is_some_and(|row| row.plan.velocity[Axis::Y.index()] == 0.0)
+        row.is_some_and(|row| row.plan.velocity[AxisLetter::Y.index()] == 0.0)
     });
     rig.twin(Y).disturb(Disturbance::Block(false));
     settle(&mut rig);
     assert_eq!(failure(&rig), Some(HomingFailure::GaveWay));
     assert_eq!(state(&rig), State::Ready);
     assert!(is_as_before(&rig));
-    go(&mut rig, home(Axis::Y));
-    assert!(is_referenced(&rig, Axis::Y), "{:?}", rig.events);
+    go(&mut rig, home(AxisLetter::Y));
+    assert!(is_referenced(&rig, AxisLetter::Y), "{:?}", rig.events);
 }
 
 #[test]
 fn what_holds_the_axis_is_told() {
     let mut rig = Case::default().rig();
-    rig.command(home(Axis::Y));
+    rig.command(home(AxisLetter::Y));
     let from = truth(&mut rig, Y);
     rig.run_until(|rig| (truth(rig, Y) - from).abs() > 20.0);
     rig.twin(Y).disturb(Disturbance::Block(true));
@@ -352,8 +352,8 @@ fn what_holds_the_axis_is_told() {
     go(&mut rig, Command::Reset);
     assert_eq!(state(&rig), State::Ready);
     assert!(is_as_before(&rig));
-    go(&mut rig, home(Axis::Y));
-    assert!(is_referenced(&rig, Axis::Y), "{:?}", rig.events);
+    go(&mut rig, home(AxisLetter::Y));
+    assert!(is_referenced(&rig, AxisLetter::Y), "{:?}", rig.events);
 }
 
 /// An axis that its weight pulls down with more than the torque that is left of its motor.
@@ -391,8 +391,8 @@ fn an_axis_that_presses_is_off_before_its_torque_is_back() {
     assert!(is_as_before(&rig));
     go(&mut rig, Command::Enable);
     assert_eq!(state(&rig), State::Ready);
-    go(&mut rig, home(Axis::Y));
-    assert!(is_referenced(&rig, Axis::Y), "{:?}", rig.events);
+    go(&mut rig, home(AxisLetter::Y));
+    assert!(is_referenced(&rig, AxisLetter::Y), "{:?}", rig.events);
 }
 
 fn case() -> impl Strategy<Value = Case> {
@@ -461,7 +461,7 @@ impl Case {
 /// Runs a case, and holds it against what must be.
 fn judge(case: &Case) -> Result<(), TestCaseError> {
     let mut rig = case.rig();
-    let y = Axis::Y.index();
+    let y = AxisLetter::Y.index();
     let from = rig.session.status().setpoint[y];
     let began = rig.rows.len();
     homed(&mut rig, case);
@@ -471,7 +471,7 @@ fn judge(case: &Case) -> Result<(), TestCaseError> {
         Some(why) => Err(why),
         None => Ok(()),
     };
-    prop_assert_eq!(is_referenced(&rig, Axis::Y), came.is_ok());
+    prop_assert_eq!(is_referenced(&rig, AxisLetter::Y), came.is_ok());
     if let Some(expected) = case.expected() {
         prop_assert_eq!(came, expected, "{:?}", rig.events);
     }
@@ -483,7 +483,7 @@ fn judge(case: &Case) -> Result<(), TestCaseError> {
     }
     if came.is_ok() {
         prop_assert_eq!(state(&rig), State::Ready);
-        let error = errors(&mut rig, Axis::Y)[0];
+        let error = errors(&mut rig, AxisLetter::Y)[0];
         let most = case.yields() + 0.004;
         prop_assert!(error.abs() < most, "{} > {}", error, most);
     }
@@ -508,7 +508,7 @@ proptest! {
     ) {
         let case = Case { positive, ahead, ..Case::default() }.away(20.0);
         let mut rig = case.rig();
-        rig.command(home(Axis::Y));
+        rig.command(home(AxisLetter::Y));
         for _ in 0..wake_ups {
             rig.step();
         }
@@ -533,8 +533,8 @@ proptest! {
         }
         prop_assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
         prop_assert!(is_as_before(&rig));
-        go(&mut rig, home(Axis::Y));
-        prop_assert!(is_referenced(&rig, Axis::Y), "{:?}", rig.events);
-        prop_assert!(errors(&mut rig, Axis::Y)[0].abs() < 0.005);
+        go(&mut rig, home(AxisLetter::Y));
+        prop_assert!(is_referenced(&rig, AxisLetter::Y), "{:?}", rig.events);
+        prop_assert!(errors(&mut rig, AxisLetter::Y)[0].abs() < 0.005);
     }
 }

@@ -6,7 +6,7 @@ use super::homing::{
 use proptest::prelude::*;
 use syncline_controller::control::{HomingFailure, State};
 use syncline_drives::twin::Disturbance;
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 use syncline_tests::rig::Rig;
 
 /// The drive of Z of the router.
@@ -77,10 +77,10 @@ proptest! {
         press(&mut rig);
         if on {
             prop_assert_eq!(failure(&rig), Some(HomingFailure::Shared));
-            prop_assert!(!is_referenced(&rig, Axis::Y) && !is_referenced(&rig, Axis::Z));
+            prop_assert!(!is_referenced(&rig, AxisLetter::Y) && !is_referenced(&rig, AxisLetter::Z));
         } else {
             prop_assert_eq!(failure(&rig), None);
-            for axis in [Axis::Y, Axis::Z] {
+            for axis in [AxisLetter::Y, AxisLetter::Z] {
                 prop_assert!(is_referenced(&rig, axis), "{:?}", rig.events);
                 prop_assert!(errors(&mut rig, axis)[0].abs() < 0.02);
             }
@@ -107,8 +107,8 @@ fn a_beam_with_its_carriage_at_one_end_is_taken_square() {
         assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
         let left = squared(&mut rig, 0.5);
         assert!(left.abs() < 2.5 * INCREMENT, "{seed}: {left}");
-        rig.command(home(Axis::Y));
+        rig.command(home(AxisLetter::Y));
         settle(&mut rig);
-        assert!(is_referenced(&rig, Axis::Y), "{:?}", rig.events);
+        assert!(is_referenced(&rig, AxisLetter::Y), "{:?}", rig.events);
     }
 }

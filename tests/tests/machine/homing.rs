@@ -8,7 +8,7 @@ use syncline_controller::control::{
 use syncline_controller::session::{Command, Direction, Jog, Override, Refusal};
 use syncline_drives::model::Increments;
 use syncline_drives::twin::Disturbance;
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 use syncline_tests::rig::Rig;
 
 pub(super) const ALL: Command = Command::Home([false; 9]);
@@ -18,7 +18,7 @@ const X1: usize = 0;
 const X2: usize = 1;
 pub(super) const Y: usize = 2;
 
-pub(super) fn home(axis: Axis) -> Command {
+pub(super) fn home(axis: AxisLetter) -> Command {
     let mut letters = [false; 9];
     letters[axis.index()] = true;
     Command::Home(letters)
@@ -59,7 +59,7 @@ pub(super) fn truth(rig: &mut Rig, drive: usize) -> f64 {
 }
 
 /// How far the drives of an axis are from where the session shows it, mm.
-pub(super) fn errors(rig: &mut Rig, axis: Axis) -> Vec<f64> {
+pub(super) fn errors(rig: &mut Rig, axis: AxisLetter) -> Vec<f64> {
     // As long as the loops take to come to rest.
     for _ in 0..200 {
         rig.step();
@@ -71,7 +71,7 @@ pub(super) fn errors(rig: &mut Rig, axis: Axis) -> Vec<f64> {
     errors.collect()
 }
 
-pub(super) fn is_referenced(rig: &Rig, axis: Axis) -> bool {
+pub(super) fn is_referenced(rig: &Rig, axis: AxisLetter) -> bool {
     rig.session.status().referenced[axis.index()]
 }
 
@@ -103,7 +103,7 @@ fn day() -> String {
     go(&mut rig, ALL);
     assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
     assert_eq!(rig.session.status().state_in_words(), "ready");
-    for axis in [Axis::X, Axis::Y, Axis::Z] {
+    for axis in [AxisLetter::X, AxisLetter::Y, AxisLetter::Z] {
         assert!(is_referenced(&rig, axis), "{:?}", rig.events);
         assert_eq!(rig.session.status().setpoint[axis.index()], 0.0);
         for error in errors(&mut rig, axis) {
@@ -150,11 +150,11 @@ fn a_run_homes_first_where_the_file_says_so() {
 fn nothing_goes_to_machine_positions_before_there_are_any() {
     let mut rig = switched_on(&[]);
     let mut to = [None; 9];
-    to[Axis::Y.index()] = Some(10.0);
+    to[AxisLetter::Y.index()] = Some(10.0);
     go(&mut rig, Command::Mdi("G0 X1".to_owned()));
     go(&mut rig, Command::GoTo(to));
     go(&mut rig, Command::Jog(Jog::To(to)));
-    let (x, y) = (Axis::X.index(), Axis::Y.index());
+    let (x, y) = (AxisLetter::X.index(), AxisLetter::Y.index());
     assert_eq!(
         refusals(&rig),
         [
@@ -168,7 +168,7 @@ fn nothing_goes_to_machine_positions_before_there_are_any() {
     go(
         &mut rig,
         Command::Jog(Jog::Continuous {
-            axis: Axis::Y,
+            axis: AxisLetter::Y,
             direction: Direction::Positive,
             speed: None,
         }),
@@ -203,17 +203,20 @@ fn an_operator_says_where_an_axis_stands() {
     );
     let mut rig = switched_on(&[by_hand, no_switch, ("at_start = true", "")]);
     go(&mut rig, ALL);
-    assert!(is_referenced(&rig, Axis::X) && !is_referenced(&rig, Axis::Z));
-    go(&mut rig, home(Axis::Z));
-    assert!(is_referenced(&rig, Axis::Z));
-    assert_eq!(rig.session.status().setpoint[Axis::Z.index()], -40.0);
-    assert!(errors(&mut rig, Axis::Z)[0].abs() < 0.002);
-    go(&mut rig, home(Axis::A));
-    assert_eq!(refusals(&rig), [OrderRefusal::NoSuchAxis(Axis::A.index())]);
+    assert!(is_referenced(&rig, AxisLetter::X) && !is_referenced(&rig, AxisLetter::Z));
+    go(&mut rig, home(AxisLetter::Z));
+    assert!(is_referenced(&rig, AxisLetter::Z));
+    assert_eq!(rig.session.status().setpoint[AxisLetter::Z.index()], -40.0);
+    assert!(errors(&mut rig, AxisLetter::Z)[0].abs() < 0.002);
+    go(&mut rig, home(AxisLetter::A));
+    assert_eq!(
+        refusals(&rig),
+        [OrderRefusal::NoSuchAxis(AxisLetter::A.index())]
+    );
 }
 
 /// Homes an axis, does something to a drive once it has gone so far, and goes on to rest.
-fn disturbed(rig: &mut Rig, axis: Axis, far: f64, deeds: &[(usize, Disturbance)]) {
+fn disturbed(rig: &mut Rig, axis: AxisLetter, far: f64, deeds: &[(usize, Disturbance)]) {
     rig.command(home(axis));
     let from = rig.session.status().setpoint[axis.index()];
     for &(drive, disturbance) in deeds {
@@ -241,13 +244,13 @@ fn y_switch(keys: &str) -> String {
 fn a_switch_that_is_not_found_stops_the_axis() {
     for keys in ["", "simulated = [850.0, 900.0]"] {
         let mut rig = switched_on(&[(Y_SWITCH, &y_switch(keys))]);
-        go(&mut rig, home(Axis::Y));
+        go(&mut rig, home(AxisLetter::Y));
         assert_eq!(failure(&rig), Some(HomingFailure::NotFound), "{keys}");
         assert_eq!(state(&rig), State::Ready);
         // It went as far as it may, 1.5 times the travel, and stopped there.
-        let y = rig.session.status().setpoint[Axis::Y.index()];
+        let y = rig.session.status().setpoint[AxisLetter::Y.index()];
         assert!((y + 1200.0).abs() < 0.01, "{y}");
-        assert!(!is_referenced(&rig, Axis::Y));
+        assert!(!is_referenced(&rig, AxisLetter::Y));
     }
 }
 
@@ -259,13 +262,18 @@ fn a_switch_that_stays_on_is_told() {
     for _ in 0..4 {
         rig.step();
     }
-    go(&mut rig, home(Axis::Y));
+    go(&mut rig, home(AxisLetter::Y));
     assert_eq!(failure(&rig), Some(HomingFailure::NeverOff));
     let mut rig = switched_on(&[(Y_SWITCH, &y_switch("active_low = true"))]);
-    go(&mut rig, home(Axis::Y));
+    go(&mut rig, home(AxisLetter::Y));
     assert_eq!(failure(&rig), Some(HomingFailure::NeverOff));
     let mut rig = switched_on(&[]);
-    disturbed(&mut rig, Axis::Y, 60.0, &[(Y, Disturbance::Input(0, true))]);
+    disturbed(
+        &mut rig,
+        AxisLetter::Y,
+        60.0,
+        &[(Y, Disturbance::Input(0, true))],
+    );
     assert_eq!(failure(&rig), Some(HomingFailure::StaysOn));
     assert_eq!(state(&rig), State::Ready);
     // Mended, it homes.
@@ -273,8 +281,8 @@ fn a_switch_that_stays_on_is_told() {
     for _ in 0..4 {
         rig.step();
     }
-    go(&mut rig, home(Axis::Y));
-    assert!(is_referenced(&rig, Axis::Y), "{:?}", rig.events);
+    go(&mut rig, home(AxisLetter::Y));
+    assert!(is_referenced(&rig, AxisLetter::Y), "{:?}", rig.events);
 }
 
 #[test]
@@ -284,7 +292,7 @@ fn a_switch_that_is_loose_is_told() {
         (Y, Disturbance::Input(0, true)),
         (Y, Disturbance::Input(0, false)),
     ];
-    disturbed(&mut rig, Axis::Y, 30.0, &deeds);
+    disturbed(&mut rig, AxisLetter::Y, 30.0, &deeds);
     assert_eq!(failure(&rig), Some(HomingFailure::Lost));
 }
 
@@ -293,17 +301,22 @@ fn each_side_of_a_gantry_needs_its_switch() {
     let x2 = "drive = \"X2\"\nsignal = \"DI0\"\nfunction = \"home\"\nsimulated = [-60.0, -4.0]";
     let without = "drive = \"X2\"\nsignal = \"DI0\"\nfunction = \"home\"";
     let mut rig = switched_on(&[(x2, without)]);
-    go(&mut rig, home(Axis::X));
+    go(&mut rig, home(AxisLetter::X));
     assert_eq!(failure(&rig), Some(HomingFailure::OneSide { side: 1 }));
     // A side that is jammed stops both.
     for side in [X1, X2] {
         let mut rig = switched_on(&[]);
-        disturbed(&mut rig, Axis::X, 50.0, &[(side, Disturbance::Block(true))]);
+        disturbed(
+            &mut rig,
+            AxisLetter::X,
+            50.0,
+            &[(side, Disturbance::Block(true))],
+        );
         assert_eq!(state(&rig), State::Faulted);
         assert_eq!(failure(&rig), Some(HomingFailure::SideJammed { side }));
         let fault = rig.session.faults()[0];
         assert!(matches!(fault, Fault::Axis(0, _)), "{fault:?}");
-        assert!(!is_referenced(&rig, Axis::X));
+        assert!(!is_referenced(&rig, AxisLetter::X));
         let apart = truth(&mut rig, X1) - truth(&mut rig, X2);
         assert!(apart.abs() < 5.0, "{apart}");
     }
@@ -312,7 +325,7 @@ fn each_side_of_a_gantry_needs_its_switch() {
 /// An axis, or a side of one, that something stops on its way to its switch, or off it.
 #[derive(Clone, Debug)]
 struct Blocked {
-    axis: Axis,
+    axis: AxisLetter,
     /// By side; of Y the first one.
     sides: [bool; 2],
     /// It stands on its switch.
@@ -328,7 +341,7 @@ fn blocked() -> impl Strategy<Value = Blocked> {
     let way = (any::<bool>(), 5.0..50.0_f64, 0.0..0.95_f64);
     (any::<bool>(), sides, way, 0..1000u64).prop_map(
         |(gantry, sides, (on, distance, part), seed)| Blocked {
-            axis: if gantry { Axis::X } else { Axis::Y },
+            axis: if gantry { AxisLetter::X } else { AxisLetter::Y },
             sides: if gantry { sides } else { [true, false] },
             on,
             distance,
@@ -341,7 +354,7 @@ fn blocked() -> impl Strategy<Value = Blocked> {
 impl Blocked {
     fn expected(&self) -> HomingFailure {
         match self.sides {
-            [true, false] if self.axis == Axis::X => HomingFailure::SideJammed { side: 0 },
+            [true, false] if self.axis == AxisLetter::X => HomingFailure::SideJammed { side: 0 },
             [false, true] => HomingFailure::SideJammed { side: 1 },
             _ if self.on => HomingFailure::BlockedOnSwitch,
             _ => HomingFailure::BlockedBefore,
@@ -358,7 +371,7 @@ impl Blocked {
             };
         let start = format!("start = {start:?}");
         let (was, drives) = match self.axis {
-            Axis::X => ("start = 180.0", [X1, X2]),
+            AxisLetter::X => ("start = 180.0", [X1, X2]),
             _ => ("start = 95.0", [Y, Y]),
         };
         let seed = self.seed;
@@ -405,11 +418,11 @@ proptest! {
 #[test]
 fn what_stops_an_axis_behind_its_search_is_the_fault_alone() {
     let mut rig = switched_on(&[]);
-    rig.command(home(Axis::Y));
+    rig.command(home(AxisLetter::Y));
     // It has found its switch, and goes back.
     let mut least = f64::INFINITY;
     rig.run_until(|rig| {
-        let here = rig.session.status().setpoint[Axis::Y.index()];
+        let here = rig.session.status().setpoint[AxisLetter::Y.index()];
         least = least.min(here);
         here > least + 0.5
     });
@@ -421,7 +434,7 @@ fn what_stops_an_axis_behind_its_search_is_the_fault_alone() {
     let mut rig = switched_on(&[]);
     go(&mut rig, ALL);
     rig.command(Command::Mdi("G1 X100 F6000".to_owned()));
-    rig.run_until(|rig| rig.session.status().setpoint[Axis::X.index()] > 50.0);
+    rig.run_until(|rig| rig.session.status().setpoint[AxisLetter::X.index()] > 50.0);
     rig.twin(X1).disturb(Disturbance::Block(true));
     settle(&mut rig);
     assert_eq!(state(&rig), State::Faulted);
@@ -432,10 +445,10 @@ fn what_stops_an_axis_behind_its_search_is_the_fault_alone() {
 fn time_and_speed_end_a_homing() {
     let short = ("back_off = 3.0", "back_off = 3.0\nmax_time_ms = 500");
     let mut rig = switched_on(&[short]);
-    go(&mut rig, home(Axis::Z));
+    go(&mut rig, home(AxisLetter::Z));
     assert_eq!(failure(&rig), Some(HomingFailure::TooLong));
     go(&mut rig, Command::RapidOverride(Override::To(0.0)));
-    go(&mut rig, home(Axis::Z));
+    go(&mut rig, home(AxisLetter::Z));
     assert_eq!(failure(&rig), Some(HomingFailure::NoSpeed));
     assert_eq!(state(&rig), State::Ready);
 }
@@ -444,16 +457,16 @@ fn time_and_speed_end_a_homing() {
 fn a_stop_leaves_the_axis_unreferenced() {
     let mut rig = switched_on(&[]);
     rig.command(ALL);
-    rig.run_until(|rig| is_referenced(rig, Axis::Z) && state(rig) == State::Homing);
+    rig.run_until(|rig| is_referenced(rig, AxisLetter::Z) && state(rig) == State::Homing);
     for _ in 0..900 {
         rig.step();
     }
     go(&mut rig, Command::Stop);
     assert_eq!(state(&rig), State::Ready);
-    assert!(is_referenced(&rig, Axis::Z));
-    assert!(!is_referenced(&rig, Axis::X) && !is_referenced(&rig, Axis::Y));
+    assert!(is_referenced(&rig, AxisLetter::Z));
+    assert!(!is_referenced(&rig, AxisLetter::X) && !is_referenced(&rig, AxisLetter::Y));
     go(&mut rig, ALL);
-    assert!(is_referenced(&rig, Axis::X));
+    assert!(is_referenced(&rig, AxisLetter::X));
 }
 
 proptest! {
@@ -480,14 +493,14 @@ proptest! {
             go(&mut rig, Command::Enable);
         }
         let distance = if back { -1.0 } else { 1.0 };
-        for axis in [Axis::X, Axis::Y, Axis::Z] {
+        for axis in [AxisLetter::X, AxisLetter::Y, AxisLetter::Z] {
             if !is_referenced(&rig, axis) {
                 go(&mut rig, Command::Jog(Jog::By { axis, distance, speed: None }));
             }
         }
         prop_assert_eq!(rig.session.faults(), []);
         go(&mut rig, ALL);
-        for axis in [Axis::X, Axis::Y, Axis::Z] {
+        for axis in [AxisLetter::X, AxisLetter::Y, AxisLetter::Z] {
             prop_assert!(is_referenced(&rig, axis), "{:?}", rig.events);
             let errors = errors(&mut rig, axis);
             prop_assert!(errors.iter().all(|error| error.abs() < 0.01), "{:?}", errors);
@@ -506,9 +519,9 @@ fn one_switch_of_two_axes_says_nothing_while_it_is_on() {
         ("start = -40.0", "start = 5.0"),
     ];
     let mut rig = switched_on(&shared);
-    go(&mut rig, home(Axis::Y));
+    go(&mut rig, home(AxisLetter::Y));
     assert_eq!(failure(&rig), Some(HomingFailure::Shared));
-    assert!(!is_referenced(&rig, Axis::Y));
+    assert!(!is_referenced(&rig, AxisLetter::Y));
 }
 
 #[test]
@@ -518,22 +531,22 @@ fn a_drive_that_was_without_supply_is_homed_again() {
     // Disabled and enabled again, and after a fault that leaves the drives their counts, it stays.
     go(&mut rig, Command::Disable);
     go(&mut rig, Command::Enable);
-    assert!(is_referenced(&rig, Axis::Y));
+    assert!(is_referenced(&rig, AxisLetter::Y));
     rig.twin(Y).disturb(Disturbance::Fault(
         syncline_drives::twin::ErrorClass::StopAndSwitchOff,
     ));
     settle(&mut rig);
     go(&mut rig, Command::Reset);
     assert_eq!(rig.session.status().state_in_words(), "ready");
-    assert!(errors(&mut rig, Axis::Y)[0].abs() < 0.004);
+    assert!(errors(&mut rig, AxisLetter::Y)[0].abs() < 0.004);
     // A new start of the drive's own does not.
     go(&mut rig, Command::Disable);
     rig.twin(Y).disturb(Disturbance::Reset);
     for _ in 0..200 {
         rig.step();
     }
-    assert!(!is_referenced(&rig, Axis::Y), "{:?}", rig.events);
-    assert!(is_referenced(&rig, Axis::X));
+    assert!(!is_referenced(&rig, AxisLetter::Y), "{:?}", rig.events);
+    assert!(is_referenced(&rig, AxisLetter::X));
     settle(&mut rig);
     if state(&rig) == State::Faulted {
         go(&mut rig, Command::Reset);
@@ -547,10 +560,10 @@ fn a_drive_that_was_without_supply_is_homed_again() {
     go(&mut rig, Command::Mdi("G0 X1".to_owned()));
     assert_eq!(
         refusals(&rig),
-        [OrderRefusal::Unreferenced(Axis::Y.index())]
+        [OrderRefusal::Unreferenced(AxisLetter::Y.index())]
     );
-    go(&mut rig, home(Axis::Y));
-    assert!(is_referenced(&rig, Axis::Y), "{:?}", rig.events);
+    go(&mut rig, home(AxisLetter::Y));
+    assert!(is_referenced(&rig, AxisLetter::Y), "{:?}", rig.events);
 }
 
 const X_SWITCHES: &str = "switches = [\"home X1\", \"home X2\"]";
@@ -588,8 +601,8 @@ fn apart(rig: &mut Rig) -> f64 {
 /// Homes X, and holds its skew beside what is planned against a limit all the time; how square it ends.
 pub(super) fn squared(rig: &mut Rig, limit: f64) -> f64 {
     let begin = apart(rig);
-    let x = Axis::X.index();
-    rig.command(home(Axis::X));
+    let x = AxisLetter::X.index();
+    rig.command(home(AxisLetter::X));
     for _ in 0..4 {
         rig.step();
     }
@@ -600,7 +613,7 @@ pub(super) fn squared(rig: &mut Rig, limit: f64) -> f64 {
             continue;
         };
         // Before they are referenced the sides are to stay as far apart as they were.
-        let planned = match is_referenced(rig, Axis::X) {
+        let planned = match is_referenced(rig, AxisLetter::X) {
             true => planned,
             false => begin,
         };
@@ -611,7 +624,7 @@ pub(super) fn squared(rig: &mut Rig, limit: f64) -> f64 {
             rig.events.last()
         );
     }
-    assert!(is_referenced(rig, Axis::X), "{:?}", failure(rig));
+    assert!(is_referenced(rig, AxisLetter::X), "{:?}", failure(rig));
     for _ in 0..200 {
         rig.step();
     }
@@ -677,12 +690,13 @@ fn contact_interrupts_squaring() {
         ("[[input]]\nname = \"home Y\"", probe),
     ];
     let mut rig = switched_on(&replacements);
-    let x = Axis::X.index();
-    rig.command(home(Axis::X));
+    let x = AxisLetter::X.index();
+    rig.command(home(AxisLetter::X));
     let planned = |rig: &mut Rig| rig.session.timeline().row().map(|row| row.axes[x].apart);
     rig.run_until(|rig| {
         let apart = planned(rig);
-        is_referenced(rig, Axis::X) && apart.is_some_and(|apart| (0.5..2.0).contains(&apart.abs()))
+        is_referenced(rig, AxisLetter::X)
+            && apart.is_some_and(|apart| (0.5..2.0).contains(&apart.abs()))
     });
     rig.twin(X1).disturb(Disturbance::Input(1, true));
     settle(&mut rig);
@@ -754,13 +768,14 @@ fn the_squareness_of_the_switches_is_kept() {
     let mut rig = switched_on(&[skewed, known]);
     let left = squared(&mut rig, 0.1);
     assert!(left.abs() < 0.006, "{left}");
-    let shown = |rig: &Rig| rig.session.status().squareness[Axis::X.index()].expect("a gantry");
+    let shown =
+        |rig: &Rig| rig.session.status().squareness[AxisLetter::X.index()].expect("a gantry");
     assert_eq!(shown(&rig).stored, 0.8);
     assert!(shown(&rig).measured.is_some_and(|it| it.abs() < 0.006));
     // What was measured goes with the reference.
     rig.twin(X2).disturb(Disturbance::Reset);
     settle(&mut rig);
-    assert!(!is_referenced(&rig, Axis::X), "{:?}", rig.events);
+    assert!(!is_referenced(&rig, AxisLetter::X), "{:?}", rig.events);
     assert_eq!(shown(&rig).measured, None);
 }
 
@@ -797,7 +812,7 @@ fn a_gantry_that_stands_askew_is_taken_square_when_asked() {
             "ready (unreferenced)"
         );
         go(&mut rig, Command::Mdi("G0 X1".to_owned()));
-        let (axis, direction) = (Axis::X, Direction::Positive);
+        let (axis, direction) = (AxisLetter::X, Direction::Positive);
         go(&mut rig, Command::Jog(Jog::Step { axis, direction }));
         let x = axis.index();
         assert_eq!(refusals(&rig), [OrderRefusal::Askew(x); 2]);
@@ -811,7 +826,7 @@ fn a_gantry_that_stands_askew_is_taken_square_when_asked() {
         assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
         let left = apart(&mut rig);
         assert!(left * skew > 0.0 && left.abs() < skew.abs(), "{left}");
-        go(&mut rig, home(Axis::X));
+        go(&mut rig, home(AxisLetter::X));
         for _ in 0..200 {
             rig.step();
         }
@@ -982,12 +997,12 @@ impl Case {
 fn judge(case: &Case) -> Result<(), TestCaseError> {
     let mut rig = case.rig();
     prop_assert_eq!(state(&rig), State::Ready);
-    let z = Axis::Z.index();
+    let z = AxisLetter::Z.index();
     let from = rig.session.status().setpoint[z];
     let began = rig.rows.len();
-    go(&mut rig, home(Axis::Z));
+    go(&mut rig, home(AxisLetter::Z));
     prop_assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
-    let known = is_referenced(&rig, Axis::Z);
+    let known = is_referenced(&rig, AxisLetter::Z);
     prop_assert!(known != failure(&rig).is_some());
     prop_assert!(known || !case.must_succeed(), "{:?}", failure(&rig));
     prop_assert!(!known || !case.must_fail());
@@ -1012,7 +1027,7 @@ fn judge(case: &Case) -> Result<(), TestCaseError> {
             _ => case.slow_speed * 0.002 * 0.6 + 0.001,
         };
         prop_assert!(uncertainty <= most, "{} > {}", uncertainty, most);
-        let error = errors(&mut rig, Axis::Z)[0];
+        let error = errors(&mut rig, AxisLetter::Z)[0];
         prop_assert!(
             error.abs() < uncertainty + 0.0015,
             "{} > {}",

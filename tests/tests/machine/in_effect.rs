@@ -5,7 +5,7 @@ use super::day::{go, positions, ready_with, settle, state};
 use proptest::prelude::*;
 use syncline_controller::control::State;
 use syncline_controller::session::Command;
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 use syncline_tests::rig::Rig;
 
 /// What the axes rest beside their setpoints, mm.
@@ -119,7 +119,7 @@ proptest! {
             assert_shown(&rig, block.to);
             // Away by what is shown, and back.
             let there = rig.session.status().setpoint;
-            rig.command(Command::GoTo(positions([(Axis::X, x + 5.0), (Axis::Z, z + 2.0)])));
+            rig.command(Command::GoTo(positions([(AxisLetter::X, x + 5.0), (AxisLetter::Z, z + 2.0)])));
             rest(&mut rig);
             assert_shown(&rig, [x + 5.0, y, z + 2.0]);
             rig.command(Command::Resume);

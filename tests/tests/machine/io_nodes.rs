@@ -9,7 +9,7 @@ use syncline_controller::control::{End, Event, Fault, Phase, State as MachineSta
 use syncline_controller::session::{self, Command, Jog, Override, SwitchChange};
 use syncline_drives::twin::cia401::Twin;
 use syncline_drives::twin::{Disturbance, ErrorClass, SimulatedDevice};
-use syncline_gcode::{Axis, Turning};
+use syncline_gcode::{AxisLetter, Turning};
 use syncline_tests::rig::Rig;
 
 use super::day::{go, settle, state};
@@ -570,7 +570,7 @@ proptest! {
 fn deed() -> impl Strategy<Value = Command> {
     let hand = (select(vec!["valve", "clamp"]), any::<bool>());
     let jog = Command::Jog(Jog::By {
-        axis: Axis::X,
+        axis: AxisLetter::X,
         distance: 5.0,
         speed: None,
     });

@@ -10,7 +10,7 @@ use syncline_controller::control::{End, Event, HOLD_TO_RUN, NotNow, Order, Reque
 use syncline_controller::session::{
     self, Accepted, Command, Direction, Jog as SessionJog, Override, StepChange,
 };
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 use syncline_tests::command::{Folder, ended, syncline};
 use syncline_tests::rig::{Rig, example};
 use syncline_tests::terminal::Terminal;
@@ -244,7 +244,7 @@ fn arrows_and_page_keys() {
 }
 
 /// A jog that goes on for as long as it is renewed, at the axis' greatest speed.
-fn on(axis: Axis, direction: Direction) -> Command {
+fn on(axis: AxisLetter, direction: Direction) -> Command {
     Command::Jog(SessionJog::Continuous {
         axis,
         direction,
@@ -262,16 +262,16 @@ fn wait(rig: &mut Rig, cycles: usize) {
 #[test]
 fn a_jog_goes_on_for_as_long_as_it_is_renewed() {
     let mut rig = ready_with(&[]);
-    rig.command(on(Axis::X, Direction::Positive));
+    rig.command(on(AxisLetter::X, Direction::Positive));
     for _ in 0..6 {
         wait(&mut rig, 75);
         assert_eq!(state(&rig), State::Jogging);
-        rig.command(Command::RenewJog(Axis::X));
+        rig.command(Command::RenewJog(AxisLetter::X));
     }
     // Released: it stops at once, and no renewal that comes late sets it in motion again.
     wait(&mut rig, 75);
     let from = rig.session.status().setpoint[0];
-    rig.command(Command::EndJog(Axis::X));
+    rig.command(Command::EndJog(AxisLetter::X));
     settle(&mut rig);
     let there = rig.session.status().setpoint;
     let limits = rig.layout.axes[0].limits;
@@ -282,7 +282,7 @@ fn a_jog_goes_on_for_as_long_as_it_is_renewed() {
         from > 300.0 && (gone - stop).abs() < 2.0 * cycle,
         "{gone}, not {stop}"
     );
-    go(&mut rig, Command::RenewJog(Axis::X));
+    go(&mut rig, Command::RenewJog(AxisLetter::X));
     assert_eq!(rig.session.status().setpoint, there);
     assert!(
         !(rig.events.iter()).any(|event| matches!(event, Event::JogNotRenewed { .. })),
@@ -290,7 +290,7 @@ fn a_jog_goes_on_for_as_long_as_it_is_renewed() {
         rig.events
     );
     // Lost: it stops after its time.
-    rig.command(on(Axis::X, Direction::Negative));
+    rig.command(on(AxisLetter::X, Direction::Negative));
     settle(&mut rig);
     assert!(rig.events.contains(&Event::JogNotRenewed { axis: 0 }));
     let gone = there[0] - rig.session.status().setpoint[0];
@@ -304,20 +304,24 @@ fn a_jog_goes_on_for_as_long_as_it_is_renewed() {
 fn nobody_renews_what_somebody_else_began() {
     let mut rig = ready_with(&[]);
     let [lost, other] = ["lost", "other"].map(|name| rig.session.operator(name));
-    other.command(on(Axis::X, Direction::Negative)).unwrap();
+    other
+        .command(on(AxisLetter::X, Direction::Negative))
+        .unwrap();
     wait(&mut rig, 10);
-    lost.command(on(Axis::X, Direction::Positive)).unwrap();
+    lost.command(on(AxisLetter::X, Direction::Positive))
+        .unwrap();
     for _ in 0..10 {
         wait(&mut rig, 50);
-        other.command(Command::RenewJog(Axis::X)).unwrap();
+        other.command(Command::RenewJog(AxisLetter::X)).unwrap();
     }
     wait(&mut rig, 1);
     assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
     assert!(rig.events.contains(&Event::JogNotRenewed { axis: 0 }));
     // What it stops is its own business or not.
-    lost.command(on(Axis::X, Direction::Positive)).unwrap();
+    lost.command(on(AxisLetter::X, Direction::Positive))
+        .unwrap();
     wait(&mut rig, 10);
-    other.command(Command::EndJog(Axis::X)).unwrap();
+    other.command(Command::EndJog(AxisLetter::X)).unwrap();
     settle(&mut rig);
     let jogs = rig.events.iter();
     let jogs = jogs.filter(|event| matches!(event, Event::JogNotRenewed { .. }));
@@ -329,10 +333,11 @@ fn nobody_renews_what_somebody_else_began() {
 fn a_jog_that_is_refused_is_nobodys() {
     let mut rig = ready_with(&[]);
     let [keys, panel] = ["keys", "panel"].map(|name| rig.session.operator(name));
-    keys.command(on(Axis::X, Direction::Positive)).unwrap();
+    keys.command(on(AxisLetter::X, Direction::Positive))
+        .unwrap();
     wait(&mut rig, 10);
     let nowhere = Command::Jog(SessionJog::Continuous {
-        axis: Axis::X,
+        axis: AxisLetter::X,
         direction: Direction::Positive,
         speed: Some(f64::NAN),
     });
@@ -340,14 +345,14 @@ fn a_jog_that_is_refused_is_nobodys() {
     for _ in 0..6 {
         wait(&mut rig, 75);
         assert_eq!(state(&rig), State::Jogging, "{:?}", rig.events);
-        keys.command(Command::RenewJog(Axis::X)).unwrap();
+        keys.command(Command::RenewJog(AxisLetter::X)).unwrap();
     }
     assert_eq!(rig.refused.len(), 1, "{:?}", rig.refused);
 }
 
 /// What two operators do who jog on and on, and nothing else that moves an axis.
 fn jogging() -> impl Strategy<Value = (usize, Command)> {
-    let axis = || select(&[Axis::X, Axis::Y, Axis::Z][..]);
+    let axis = || select(&[AxisLetter::X, AxisLetter::Y, AxisLetter::Z][..]);
     let direction = select(&[Direction::Positive, Direction::Negative][..]);
     let speed = prop::option::of(1.0..1000.0);
     let jog = (axis(), direction, speed).prop_map(|(axis, direction, speed)| {
@@ -405,7 +410,7 @@ proptest! {
         let mut last = rig.session.status().setpoint;
         let most = [0, 1, 2].map(|axis| rows_to_rest(&rig, axis));
         let mut row = 0;
-        let lost = ((0, Command::RenewJog(Axis::X)), 500);
+        let lost = ((0, Command::RenewJog(AxisLetter::X)), 500);
         for ((operator, command), cycles) in deeds.into_iter().chain([lost]) {
             operators[operator].command(command).unwrap();
             for _ in 0..2 * cycles {

@@ -7,7 +7,7 @@ use syncline_controller::control::fault::AxisCause;
 use syncline_controller::control::{Event, Fault, HomingFailure, Refusal as OrderRefusal, State};
 use syncline_controller::session::{Command, Direction, Jog, Refusal};
 use syncline_drives::twin::Disturbance;
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 use syncline_tests::rig::Rig;
 
 const Y: usize = 2;
@@ -89,7 +89,7 @@ fn a_referenced_axis_is_homed_off_its_limit_switch_by_a_program() {
         settle(&mut rig);
         assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
         assert_eq!(limits(&rig), []);
-        assert!(is_referenced(&rig, Axis::Y), "{:?}", rig.events);
+        assert!(is_referenced(&rig, AxisLetter::Y), "{:?}", rig.events);
     }
 }
 
@@ -114,7 +114,7 @@ fn by_limit(positive: bool, [speed, slow_speed, back_off]: [f64; 3]) -> String {
 
 fn jog(distance: f64, speed: f64) -> Command {
     Command::Jog(Jog::By {
-        axis: Axis::Y,
+        axis: AxisLetter::Y,
         distance,
         speed: Some(speed),
     })
@@ -162,7 +162,7 @@ fn an_axis_stops_on_its_limit_switch_and_is_jogged_off() {
     go(
         &mut rig,
         Command::Jog(Jog::Continuous {
-            axis: Axis::Y,
+            axis: AxisLetter::Y,
             direction: Direction::Negative,
             speed: None,
         }),
@@ -174,8 +174,8 @@ fn an_axis_stops_on_its_limit_switch_and_is_jogged_off() {
     assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
     let rests = truth(&mut rig, Y);
     assert!(rests > -8.0, "{rests}");
-    go(&mut rig, home(Axis::Y));
-    assert!(is_referenced(&rig, Axis::Y), "{:?}", rig.events);
+    go(&mut rig, home(AxisLetter::Y));
+    assert!(is_referenced(&rig, AxisLetter::Y), "{:?}", rig.events);
     assert_eq!(limits(&rig).len(), 1);
 }
 
@@ -231,7 +231,7 @@ fn a_switch_may_bounce_as_its_axis_leaves_it_and_not_later() {
 fn a_homing_masks_its_own_limit_switch_alone() {
     let homing = by_limit(false, [40.0, 2.0, 3.0]);
     let mut rig = router(["Y-", "Y+"], 40.0, Some(&homing), 1);
-    rig.command(home(Axis::Y));
+    rig.command(home(AxisLetter::Y));
     rig.run_until(|rig| truth(rig, Y) < 20.0);
     press(&mut rig, 3, 3);
     settle(&mut rig);
@@ -243,12 +243,12 @@ fn a_homing_masks_its_own_limit_switch_alone() {
 fn a_search_that_is_stopped_comes_to_rest_on_its_switch() {
     let homing = by_limit(false, [100.0, 2.0, 3.0]);
     let mut rig = router(["Y-", "Y+"], 40.0, Some(&homing), 1);
-    rig.command(home(Axis::Y));
+    rig.command(home(AxisLetter::Y));
     rig.run_until(|rig| truth(rig, Y) < LIMITS[0].1 - 0.1);
     go(&mut rig, Command::Stop);
     assert_eq!(limits(&rig), []);
     assert_eq!(state(&rig), State::Ready);
-    assert!(!is_referenced(&rig, Axis::Y));
+    assert!(!is_referenced(&rig, AxisLetter::Y));
     go(&mut rig, jog(-5.0, 10.0));
     assert_eq!(on_limit(&rig), [false]);
 }
@@ -273,7 +273,7 @@ fn no_job_begins_on_a_limit_switch() {
     }
     go(&mut rig, Command::Mdi("G0 Y10".to_owned()));
     assert_eq!(rig.refused, []);
-    assert_eq!(rig.session.status().setpoint[Axis::Y.index()], 10.0);
+    assert_eq!(rig.session.status().setpoint[AxisLetter::Y.index()], 10.0);
 }
 
 #[test]
@@ -284,10 +284,10 @@ fn a_search_the_wrong_way_ends_at_the_other_limit_switch() {
         .replace("-4.0", "-60.0");
     let wrong = wrong.replace("final_position = 0.0", "max_distance = 2000.0");
     let mut rig = router(["Y-", "Y+"], 700.0, Some(&wrong), 1);
-    go(&mut rig, home(Axis::Y));
+    go(&mut rig, home(AxisLetter::Y));
     assert_eq!(state(&rig), State::Faulted, "{:?}", rig.events);
     assert_eq!(limits(&rig), [(true, false)]);
-    assert!(!is_referenced(&rig, Axis::Y));
+    assert!(!is_referenced(&rig, AxisLetter::Y));
     let rests = truth(&mut rig, Y);
     assert!((810.0..814.0).contains(&rests), "{rests}");
 }
@@ -327,7 +327,7 @@ proptest! {
     ) {
         let homing = by_limit(positive, [speed, slow_speed, back_off]);
         let mut rig = router(["Y-", "Y+"], start, Some(&homing), seed);
-        rig.command(home(Axis::Y));
+        rig.command(home(AxisLetter::Y));
         if let Meanwhile::Stop(after) | Meanwhile::Other(after) = meanwhile {
             for _ in 0..after {
                 rig.step();
@@ -353,7 +353,7 @@ proptest! {
         }
         if told.is_empty() && (matches!(meanwhile, Meanwhile::Nothing) || !homes) {
             prop_assert_eq!(failure(&rig), None::<HomingFailure>);
-            prop_assert!(is_referenced(&rig, Axis::Y), "{:?}", rig.events);
+            prop_assert!(is_referenced(&rig, AxisLetter::Y), "{:?}", rig.events);
             let end = if positive { 800.0 } else { 0.0 };
             let shown = rig.session.status().setpoint[1];
             prop_assert!((shown - end).abs() < 1e-6, "{} {}", shown, end);

@@ -418,7 +418,8 @@ fn assert_oriented(case: &Case) {
     let most = 3000.0 * f64::from(case.cycle) / 1000.0 / f64::from(case.ramp);
     let limits = rig.layout.spindle.unwrap().orientation.unwrap().limits;
     let [begins, ends] = [from, there].map(|angle| Motion::at_rest(angle / 360.0));
-    let way = state_to_state::plan(&state_to_state::Axis::new(begins, ends, limits), 0.0).unwrap();
+    let way =
+        state_to_state::plan(&state_to_state::Problem::new(begins, ends, limits), 0.0).unwrap();
     let extrema = way.extrema();
     let peak = 60.0 * extrema.velocity.max.max(-extrema.velocity.min);
     let mut before = 0.0;

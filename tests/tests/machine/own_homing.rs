@@ -6,7 +6,7 @@ use syncline_controller::control::fault::AxisCause;
 use syncline_controller::control::{Event, Fault, HomingFailure, LostReference, Phase, State};
 use syncline_controller::session::{Command, Jog};
 use syncline_drives::twin::{Disturbance, ErrorClass};
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 use syncline_tests::rig::Rig;
 
 /// The homing of the router's Y in its machine file.
@@ -71,14 +71,14 @@ fn day() -> String {
     let mut rig = rig(&usual(), 0);
     go(&mut rig, ALL);
     assert_eq!(failure(&rig), None);
-    for axis in [Axis::X, Axis::Y, Axis::Z] {
+    for axis in [AxisLetter::X, AxisLetter::Y, AxisLetter::Z] {
         assert!(is_referenced(&rig, axis), "{:?}", rig.events);
         assert_eq!(rig.session.status().setpoint[axis.index()], 0.0);
     }
     // The reference point is 200 increments beside the edge, by the drive's default.
-    assert!(errors(&mut rig, Axis::Y)[0].abs() < 0.05);
+    assert!(errors(&mut rig, AxisLetter::Y)[0].abs() < 0.05);
     go(&mut rig, Command::Mdi("G0 X20 Y30 Z-5".to_owned()));
-    go(&mut rig, home(Axis::Y));
+    go(&mut rig, home(AxisLetter::Y));
     go(&mut rig, Command::Mdi("G0 X0 Y0 Z0".to_owned()));
     assert_eq!(rig.refused, []);
     go(&mut rig, Command::SwitchOff);
@@ -115,13 +115,13 @@ fn an_index_pulse_near_to_the_edge_is_told_or_refused() {
         let simulation = format!("start = 0.0\nlimit_switches = [{:?}, 860.0]", beside - 80.0);
         let keys = "position = 0.0\nfinal_position = 20.0";
         let mut rig = rig(&by_drive(1, keys, &simulation), 0);
-        go(&mut rig, home(Axis::Y));
+        go(&mut rig, home(AxisLetter::Y));
         let told = rig.events.iter().find_map(|event| match event {
             Event::IndexNear { distance, .. } => Some(*distance),
             _ => None,
         });
         let refused = failure(&rig) == Some(HomingFailure::IndexTooNear);
-        assert_eq!(is_referenced(&rig, Axis::Y), !refused);
+        assert_eq!(is_referenced(&rig, AxisLetter::Y), !refused);
         let came = if refused { Err(()) } else { Ok(told.is_some()) };
         assert_eq!(came, expected, "{beside}: {:?}", rig.events);
         if let Some(distance) = told {
@@ -190,7 +190,7 @@ fn judge(case: &Case) -> Result<(), TestCaseError> {
         ));
     }
     let mut rig = rig(&replacements, case.seed);
-    go(&mut rig, home(Axis::Y));
+    go(&mut rig, home(AxisLetter::Y));
     let edges = match case.method {
         1 | 2 | 17 | 18 => [-90.0, 860.0],
         _ => [from, to],
@@ -203,12 +203,12 @@ fn judge(case: &Case) -> Result<(), TestCaseError> {
     prop_assert!(!warned || by_both && nearest < 0.1 * TURN + 0.1);
     if failure(&rig) == Some(HomingFailure::IndexTooNear) {
         prop_assert!(by_both && nearest < 0.02 * TURN + 0.1, "{}", nearest);
-        prop_assert!(!is_referenced(&rig, Axis::Y));
+        prop_assert!(!is_referenced(&rig, AxisLetter::Y));
         return Ok(());
     }
     prop_assert_eq!(failure(&rig), None, "{:?}", rig.events);
-    prop_assert!(is_referenced(&rig, Axis::Y));
-    let at = Axis::Y.index();
+    prop_assert!(is_referenced(&rig, AxisLetter::Y));
+    let at = AxisLetter::Y.index();
     for _ in 0..200 {
         rig.step();
     }
@@ -274,7 +274,7 @@ fn cut() -> impl Strategy<Value = Cut> {
 /// Cuts a homing off, and has the machine begin it again.
 fn cut_off(cut: &Cut, wake_ups: usize, seed: u64) -> Result<(), TestCaseError> {
     let mut rig = rig(&probing(), seed);
-    rig.command(home(Axis::Y));
+    rig.command(home(AxisLetter::Y));
     for _ in 0..wake_ups {
         rig.step();
     }
@@ -305,7 +305,7 @@ fn cut_off(cut: &Cut, wake_ups: usize, seed: u64) -> Result<(), TestCaseError> {
             Event::Unreferenced { axis: 1, .. } => Some(false),
             _ => None,
         });
-        prop_assert_eq!(is_referenced(&rig, Axis::Y), told.unwrap_or(false));
+        prop_assert_eq!(is_referenced(&rig, AxisLetter::Y), told.unwrap_or(false));
     }
     // There is a way on.
     for (drive, disturbance) in [
@@ -328,9 +328,14 @@ fn cut_off(cut: &Cut, wake_ups: usize, seed: u64) -> Result<(), TestCaseError> {
         _ => {}
     }
     prop_assert_eq!(state(&rig), State::Ready, "{:?}: {:?}", cut, rig.events);
-    go(&mut rig, home(Axis::Y));
-    prop_assert!(is_referenced(&rig, Axis::Y), "{:?}: {:?}", cut, rig.events);
-    prop_assert!(errors(&mut rig, Axis::Y)[0].abs() < 0.05);
+    go(&mut rig, home(AxisLetter::Y));
+    prop_assert!(
+        is_referenced(&rig, AxisLetter::Y),
+        "{:?}: {:?}",
+        cut,
+        rig.events
+    );
+    prop_assert!(errors(&mut rig, AxisLetter::Y)[0].abs() < 0.05);
     Ok(())
 }
 
@@ -353,19 +358,19 @@ fn takes(max_time_ms: usize, homed: Command) -> Option<usize> {
     rig.command(homed);
     let wake_ups = (0..40_000).find(|_| {
         rig.step();
-        is_referenced(&rig, Axis::Y) || failure(&rig).is_some()
+        is_referenced(&rig, AxisLetter::Y) || failure(&rig).is_some()
     });
-    wake_ups.filter(|_| is_referenced(&rig, Axis::Y))
+    wake_ups.filter(|_| is_referenced(&rig, AxisLetter::Y))
 }
 
 /// It waits until no axis of its group moves: X, which is searched for ten seconds.
 #[test]
 fn the_time_that_it_waits_for_others_is_not_its_own() {
-    let alone = takes(120_000, home(Axis::Y)).expect("it is homed");
+    let alone = takes(120_000, home(AxisLetter::Y)).expect("it is homed");
     let ms = alone; // Two wake-ups are a cycle of 2 ms.
     let together = takes(ms + 200, ALL).expect("it is homed");
     assert!(together > 2 * alone, "{together}, {alone}");
-    assert_eq!(takes(ms / 2, home(Axis::Y)), None);
+    assert_eq!(takes(ms / 2, home(AxisLetter::Y)), None);
 }
 
 #[test]
@@ -373,10 +378,10 @@ fn one_that_goes_too_far_is_halted() {
     let homing = "position = -4.0\nfinal_position = 0.0\nmax_distance = 60.0";
     let mut rig = rig(&by_drive(REF_NEGATIVE, homing, SIMULATED), 0);
     let from = truth(&mut rig, Y);
-    go(&mut rig, home(Axis::Y));
+    go(&mut rig, home(AxisLetter::Y));
     assert_eq!(failure(&rig), Some(HomingFailure::TooFar));
     assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
-    assert!(!is_referenced(&rig, Axis::Y));
+    assert!(!is_referenced(&rig, AxisLetter::Y));
     let went = from - truth(&mut rig, Y);
     // Beyond it only as far as it takes the drive to come to rest, with the ramp that 6084h has by default.
     assert!((60.0..80.0).contains(&went), "{went}");
@@ -387,7 +392,7 @@ fn one_that_goes_too_far_is_halted() {
 fn a_halt_holds_until_the_drive_is_off() {
     for command in [Command::Stop, Command::Disable, Command::SwitchOff] {
         let mut rig = rig(&usual(), 0);
-        rig.command(home(Axis::Y));
+        rig.command(home(AxisLetter::Y));
         on_its_way(&mut rig);
         let told = rig.commands(Y).len();
         go(&mut rig, command);
@@ -403,7 +408,7 @@ fn a_halt_holds_until_the_drive_is_off() {
 #[test]
 fn one_that_does_not_halt_is_a_fault() {
     let mut rig = rig(&usual(), 0);
-    rig.command(home(Axis::Y));
+    rig.command(home(AxisLetter::Y));
     on_its_way(&mut rig);
     rig.twin(Y).disturb(Disturbance::Deaf(true));
     let asked = rig.session.timeline().now();
@@ -424,23 +429,23 @@ fn one_without_its_switch_is_a_fault_with_its_reason() {
         &by_drive(REF_NEGATIVE, "position = -4.0", "start = 95.0"),
         0,
     );
-    go(&mut rig, home(Axis::Y));
+    go(&mut rig, home(AxisLetter::Y));
     assert_eq!(failure(&rig), Some(HomingFailure::NotHome));
     assert_eq!(state(&rig), State::Faulted);
     go(&mut rig, Command::Reset);
     assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
-    assert!(!is_referenced(&rig, Axis::Y));
+    assert!(!is_referenced(&rig, AxisLetter::Y));
 }
 
 /// An axis that was referenced is not any more from the moment on at which its drive counts anew.
 #[test]
 fn one_that_is_homed_again_is_not_referenced_meanwhile() {
     let mut rig = rig(&usual(), 0);
-    go(&mut rig, home(Axis::Y));
-    assert!(is_referenced(&rig, Axis::Y));
-    rig.command(home(Axis::Y));
+    go(&mut rig, home(AxisLetter::Y));
+    assert!(is_referenced(&rig, AxisLetter::Y));
+    rig.command(home(AxisLetter::Y));
     on_its_way(&mut rig);
-    assert!(!is_referenced(&rig, Axis::Y));
+    assert!(!is_referenced(&rig, AxisLetter::Y));
     rig.command(Command::Stop);
     settle(&mut rig);
     let homes = |event: &Event| {
@@ -463,7 +468,7 @@ fn one_that_is_homed_again_is_not_referenced_meanwhile() {
         ),
         (1, 1)
     );
-    assert!(!is_referenced(&rig, Axis::Y));
+    assert!(!is_referenced(&rig, AxisLetter::Y));
     // It was switched off, as what would have moved on lives in the drive, and on again.
     assert!(
         rig.phases
@@ -478,21 +483,21 @@ fn one_that_is_homed_again_is_not_referenced_meanwhile() {
 #[test]
 fn a_drive_that_forgets_its_zero_is_homed_again() {
     let mut rig = rig(&usual(), 0);
-    go(&mut rig, home(Axis::Y));
-    assert!(is_referenced(&rig, Axis::Y));
+    go(&mut rig, home(AxisLetter::Y));
+    assert!(is_referenced(&rig, AxisLetter::Y));
     go(&mut rig, Command::Disable);
     go(&mut rig, Command::Enable);
-    assert!(is_referenced(&rig, Axis::Y));
+    assert!(is_referenced(&rig, AxisLetter::Y));
     rig.twin(Y)
         .disturb(Disturbance::Fault(ErrorClass::StopAndSwitchOff));
     settle(&mut rig);
     assert_eq!(state(&rig), State::Faulted);
     go(&mut rig, Command::Reset);
     assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
-    assert!(is_referenced(&rig, Axis::Y));
+    assert!(is_referenced(&rig, AxisLetter::Y));
     rig.twin(Y).disturb(Disturbance::Reset);
     settle(&mut rig);
     go(&mut rig, Command::Reset);
     assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
-    assert!(!is_referenced(&rig, Axis::Y));
+    assert!(!is_referenced(&rig, AxisLetter::Y));
 }

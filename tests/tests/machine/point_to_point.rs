@@ -11,7 +11,7 @@ use syncline_controller::machine::COORDINATES;
 use syncline_controller::session::{Command, Direction, Jog, Override, Refusal, SwitchChange};
 use syncline_drives::twin::Disturbance;
 use syncline_drives::twin::tsp10::Twin as Stepper;
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 use syncline_tests::rig::Rig;
 
 const X: usize = 0;
@@ -243,7 +243,7 @@ fn a_path_that_takes_one_along_is_refused() {
 fn no_jog_moves_one() {
     let mut rig = at_work("G4 P0");
     settle(&mut rig);
-    let axis = Axis::ALL[U];
+    let axis = AxisLetter::ALL[U];
     go(
         &mut rig,
         Command::Jog(Jog::Continuous {
@@ -739,7 +739,7 @@ proptest! {
         rig.command(Command::FeedHold);
         settle(&mut rig);
         prop_assume!(state(&rig) == State::Held && !away(&rig));
-        rig.command(Command::Jog(Jog::By { axis: Axis::X, distance: 20.0, speed: None }));
+        rig.command(Command::Jog(Jog::By { axis: AxisLetter::X, distance: 20.0, speed: None }));
         for _ in 0..1200 {
             rig.step();
         }

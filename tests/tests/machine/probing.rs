@@ -8,7 +8,7 @@ use syncline_controller::machine::{COORDINATES, Position};
 use syncline_controller::session::{Command, Jog, Override};
 use syncline_drives::mechanics::touch_probe::{Place, TouchProbe};
 use syncline_drives::twin::Disturbance;
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 use syncline_tests::command::{Folder, ended, machine_with, syncline};
 use syncline_tests::rig::Rig;
 
@@ -467,7 +467,7 @@ fn contact_that_nobody_looks_for_stops() {
     for motion in [
         Command::Mdi("G1 X20 F2000".into()),
         Command::Jog(Jog::By {
-            axis: Axis::X,
+            axis: AxisLetter::X,
             distance: 25.0,
             speed: Some(30.0),
         }),

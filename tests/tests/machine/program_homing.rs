@@ -8,7 +8,7 @@ use syncline_controller::control::{
 use syncline_controller::machine::COORDINATES;
 use syncline_controller::session::{Command, Refusal, SwitchChange};
 use syncline_drives::twin::{Disturbance, ErrorClass};
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 use syncline_tests::rig::Rig;
 
 const NOT_AT_START: (&str, &str) = ("at_start = true", "at_start = false");
@@ -33,7 +33,7 @@ fn a_program_homes_before_it_moves() {
     assert_eq!(rig.problems, [""; 0]);
     assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
     assert_eq!(positions(&rig), [40.0, 30.0, -5.0]);
-    for axis in [Axis::X, Axis::Y, Axis::Z] {
+    for axis in [AxisLetter::X, AxisLetter::Y, AxisLetter::Z] {
         assert!(is_referenced(&rig, axis));
         for error in errors(&mut rig, axis) {
             assert!(error.abs() < 0.004, "{axis}: {error}");
@@ -78,7 +78,7 @@ fn what_is_behind_a_reading_counts_as_moved() {
         "{:?}",
         rig.refused
     );
-    assert!(!is_referenced(&rig, Axis::X));
+    assert!(!is_referenced(&rig, AxisLetter::X));
 }
 
 #[test]
@@ -95,7 +95,7 @@ fn what_a_program_does_not_home_first_has_to_be_referenced() {
         assert_eq!(state(&rig), State::Ready);
     }
     // Typed, one after the other: such lines move nothing else, and set nothing.
-    for (line, axis) in [("G28.2 Z0", Axis::Z), ("G28.2 X0", Axis::X)] {
+    for (line, axis) in [("G28.2 Z0", AxisLetter::Z), ("G28.2 X0", AxisLetter::X)] {
         go(&mut rig, Command::Mdi(line.to_owned()));
         assert!(is_referenced(&rig, axis), "{:?}", rig.events);
     }
@@ -141,7 +141,7 @@ fn a_program_homes_in_its_middle_and_goes_on_from_there() {
     assert_eq!(rig.refused, []);
     assert_eq!(rig.problems, [""; 0], "{:?}", rig.events);
     assert_eq!(positions(&rig), [10.0, 50.0, 0.0]);
-    for axis in [Axis::X, Axis::Y] {
+    for axis in [AxisLetter::X, AxisLetter::Y] {
         assert!(
             errors(&mut rig, axis)
                 .iter()
@@ -161,14 +161,14 @@ fn a_homing_of_a_program_that_fails_ends_it() {
     settle(&mut rig);
     assert_eq!(failure(&rig), Some(HomingFailure::StaysOn));
     assert_eq!(state(&rig), State::Ready);
-    assert!(!is_referenced(&rig, Axis::Y));
+    assert!(!is_referenced(&rig, AxisLetter::Y));
     // Homed by hand afterwards, the machine belongs to nobody's program.
     rig.twin(Y).disturb(Disturbance::Input(0, false));
     for _ in 0..4 {
         rig.step();
     }
     go(&mut rig, ALL);
-    assert!(is_referenced(&rig, Axis::Y));
+    assert!(is_referenced(&rig, AxisLetter::Y));
     go(&mut rig, Command::Mdi("G0 X20 Y30".to_owned()));
     assert_eq!(positions(&rig)[..2], [20.0, 30.0]);
 }
@@ -218,7 +218,7 @@ fn a_program_is_resumed_with_the_homing_that_was_stopped() {
             go(&mut rig, Command::Stop);
         }
         assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
-        assert!(!is_referenced(&rig, Axis::Y));
+        assert!(!is_referenced(&rig, AxisLetter::Y));
         assert_eq!(rig.session.status().interrupted, Some(1));
         // Nothing else may move it before.
         go(&mut rig, Command::Mdi("G0 Y1".to_owned()));
@@ -234,7 +234,7 @@ fn a_program_is_resumed_with_the_homing_that_was_stopped() {
         assert_eq!(rig.refused.len(), 1, "{:?}", rig.refused);
         assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
         assert_eq!(positions(&rig), [40.0, 30.0, -5.0]);
-        for axis in [Axis::X, Axis::Y, Axis::Z] {
+        for axis in [AxisLetter::X, AxisLetter::Y, AxisLetter::Z] {
             let errors = errors(&mut rig, axis);
             assert!(
                 errors.iter().all(|it| it.abs() < 0.004),
@@ -362,7 +362,7 @@ proptest! {
             }
             go(&mut rig, Command::Stop);
             prop_assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
-            go(&mut rig, home(Axis::Z));
+            go(&mut rig, home(AxisLetter::Z));
             go(&mut rig, ALL);
             at = [0.0; 3];
         } else {
@@ -372,7 +372,7 @@ proptest! {
         prop_assert_eq!(rig.problems.len(), 0, "{:?}", rig.problems);
         prop_assert_eq!(rig.session.faults(), []);
         prop_assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
-        for (axis, at) in [Axis::X, Axis::Y, Axis::Z].into_iter().zip(at) {
+        for (axis, at) in [AxisLetter::X, AxisLetter::Y, AxisLetter::Z].into_iter().zip(at) {
             let shown = rig.session.status().setpoint[axis.index()];
             prop_assert!((shown - at).abs() < 1e-6, "{}: {} {}", axis, shown, at);
             let errors = errors(&mut rig, axis);

@@ -8,7 +8,7 @@ use syncline_controller::control::{Event, Phase, Reaction, State};
 use syncline_controller::session::{Command, Direction, Jog};
 use syncline_drives::bus::{Sender, Transmission};
 use syncline_drives::twin::{Disturbance, ErrorClass};
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 use syncline_tests::rig::Rig;
 
 /// The gantry's sides, Y and Z; Z has the inputs.
@@ -99,7 +99,7 @@ fn at_work(when: When) -> Rig {
     };
     if matches!(when, When::Jogs) {
         rig.command(Command::Jog(Jog::Continuous {
-            axis: Axis::X,
+            axis: AxisLetter::X,
             direction: Direction::Positive,
             speed: Some(100.0),
         }));

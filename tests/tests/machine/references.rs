@@ -6,7 +6,7 @@ use std::fs::{self, File};
 use syncline_controller::control::{Event, NotRecalled, Refusal as OrderRefusal, State};
 use syncline_controller::machine::{MachineState, NotKept};
 use syncline_controller::session::{Command, Refusal};
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 use syncline_tests::command::{Folder, ended, machine_with, syncline};
 use syncline_tests::rig::Rig;
 
@@ -79,7 +79,7 @@ fn not_recalled(rig: &Rig) -> Vec<NotRecalled> {
     rig.events.iter().filter_map(why).collect()
 }
 
-fn is_referenced(rig: &Rig, axis: Axis) -> bool {
+fn is_referenced(rig: &Rig, axis: AxisLetter) -> bool {
     rig.session.status().referenced[axis.index()]
 }
 
@@ -103,9 +103,9 @@ fn a_reference_holds_from_day_to_day() {
     let mut rig = second_day(&state, 210.0, 130.2);
     assert_eq!(not_recalled(&rig), []);
     // Z counts from where it was switched on, as ever.
-    assert!(is_referenced(&rig, Axis::X) && is_referenced(&rig, Axis::Y));
-    assert!(!is_referenced(&rig, Axis::Z));
-    let (x, y) = (Axis::X.index(), Axis::Y.index());
+    assert!(is_referenced(&rig, AxisLetter::X) && is_referenced(&rig, AxisLetter::Y));
+    assert!(!is_referenced(&rig, AxisLetter::Z));
+    let (x, y) = (AxisLetter::X.index(), AxisLetter::Y.index());
     let status = rig.session.status();
     assert!((status.setpoint[x] - 210.0).abs() < 0.002, "{status:?}");
     assert!((status.setpoint[y] - 130.2).abs() < 0.002, "{status:?}");
@@ -113,7 +113,7 @@ fn a_reference_holds_from_day_to_day() {
     go(&mut rig, Command::SwitchOff);
     let again = kept(&rig, state);
     let rig = second_day(&again, 210.0, 131.0);
-    assert!(is_referenced(&rig, Axis::Y));
+    assert!(is_referenced(&rig, AxisLetter::Y));
 }
 
 #[test]
@@ -125,7 +125,7 @@ fn a_reference_that_does_not_hold_is_told_and_forgotten() {
     };
     let mut rig = second_day(&state, 210.0, 135.0);
     assert!(moved(&not_recalled(&rig)), "{:?}", not_recalled(&rig));
-    assert!(is_referenced(&rig, Axis::X) && !is_referenced(&rig, Axis::Y));
+    assert!(is_referenced(&rig, AxisLetter::X) && !is_referenced(&rig, AxisLetter::Y));
     go(&mut rig, Command::Mdi("G0 X1".to_owned()));
     let reasons: Vec<_> = rig.refused.iter().map(|refused| &refused.reason).collect();
     assert!(
@@ -140,7 +140,7 @@ fn a_reference_that_does_not_hold_is_told_and_forgotten() {
     let mut rig = second_day(&state, 210.0, 135.0);
     assert_eq!(not_recalled(&rig), [NotRecalled::NotKept(NotKept::Unknown)]);
     go(&mut rig, Command::Home([false; 9]));
-    assert!(is_referenced(&rig, Axis::Y), "{:?}", rig.events);
+    assert!(is_referenced(&rig, AxisLetter::Y), "{:?}", rig.events);
     // Other counts than those of before.
     let state = first_day();
     let other = (
@@ -162,7 +162,7 @@ fn a_reference_that_does_not_hold_is_told_and_forgotten() {
         let rig = day(&state, &replacements);
         let expected = NotRecalled::NotKept(NotKept::OtherCounts { drive: 2 });
         assert_eq!(not_recalled(&rig), [expected], "{change:?}");
-        assert!(!is_referenced(&rig, Axis::Y));
+        assert!(!is_referenced(&rig, AxisLetter::Y));
     }
 }
 
@@ -254,9 +254,9 @@ proptest! {
         let mut replacements: Vec<_> = stand.iter().map(|(old, new)| (&**old, &**new)).collect();
         replacements.push((switch, &limit_key));
         let rig = day(&state, &replacements);
-        prop_assert_eq!(is_referenced(&rig, Axis::Y), by.abs() < limit, "{:?}", not_recalled(&rig));
-        if is_referenced(&rig, Axis::Y) {
-            let shown = rig.session.status().setpoint[Axis::Y.index()];
+        prop_assert_eq!(is_referenced(&rig, AxisLetter::Y), by.abs() < limit, "{:?}", not_recalled(&rig));
+        if is_referenced(&rig, AxisLetter::Y) {
+            let shown = rig.session.status().setpoint[AxisLetter::Y.index()];
             prop_assert!((shown - 130.0 - by).abs() < 0.002, "{}", shown);
         }
     }

@@ -13,7 +13,7 @@ use syncline_controller::session::{
     Accepted, Command, Direction, Event, Jog, Override, Recorded, Session, StepChange,
     Subscription, SwitchChange,
 };
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 use syncline_tests::command::Folder;
 use syncline_tests::rig::Rig;
 
@@ -50,8 +50,8 @@ fn switch() -> impl Strategy<Value = SwitchChange> {
     ]
 }
 
-fn axis() -> impl Strategy<Value = Axis> {
-    prop::sample::select(vec![Axis::X, Axis::Y, Axis::Z])
+fn axis() -> impl Strategy<Value = AxisLetter> {
+    prop::sample::select(vec![AxisLetter::X, AxisLetter::Y, AxisLetter::Z])
 }
 
 fn jog() -> impl Strategy<Value = Jog> {

@@ -7,7 +7,7 @@ use proptest::sample::select;
 use syncline_controller::control::{Event, MachineFunctions, Refusal as OrderRefusal, State};
 use syncline_controller::session::{Command, Direction, Jog, Refusal};
 use syncline_drives::twin::{Disturbance, ErrorClass};
-use syncline_gcode::{Axis, Tables, Turning};
+use syncline_gcode::{AxisLetter, Tables, Turning};
 use syncline_tests::rig::Rig;
 
 /// Where a move ends, and what is switched there.
@@ -180,7 +180,7 @@ fn an_offset_and_a_tools_length_are_set_where_a_program_stops() {
     settle(&mut rig);
     let here = setpoint(&rig);
     let distance = 30.0;
-    let (axis, speed) = (Axis::Z, None);
+    let (axis, speed) = (AxisLetter::Z, None);
     go(
         &mut rig,
         Command::Jog(Jog::By {
@@ -195,7 +195,7 @@ fn an_offset_and_a_tools_length_are_set_where_a_program_stops() {
     let switched = rig.session.status().spindle;
     go(
         &mut rig,
-        Command::SetWorkOffset(positions([(Axis::X, 90.0)])),
+        Command::SetWorkOffset(positions([(AxisLetter::X, 90.0)])),
     );
     // It is in the tables, nothing has moved, and the program waits.
     assert_eq!(rig.refused, []);
@@ -204,7 +204,7 @@ fn an_offset_and_a_tools_length_are_set_where_a_program_stops() {
     assert_eq!(setpoint(&rig), away);
     assert_eq!(rig.session.status().spindle, switched, "it goes on");
     let file = Tables::beside(&rig.folder.path("machine.toml"));
-    let offset = Tables::load(&file).expect("they are written").work_offsets[0][Axis::X];
+    let offset = Tables::load(&file).expect("they are written").work_offsets[0][AxisLetter::X];
     assert!((offset - 10.0).abs() < 1e-6, "{offset}");
     // Codes live from one line to the next; a measuring hand wants the spindle off.
     mdi(&mut rig, "G91 M5");
@@ -263,11 +263,11 @@ fn a_tool_is_measured_where_the_program_changes_it() {
     assert_eq!(rig.session.status().tool, 1);
     go(
         &mut rig,
-        Command::SetToolLength(positions([(Axis::Z, -5.0)])),
+        Command::SetToolLength(positions([(AxisLetter::Z, -5.0)])),
     );
     assert_eq!(rig.refused, []);
     let file = Tables::beside(&rig.folder.path("machine.toml"));
-    let length = Tables::load(&file).expect("they are written").tools[&1].offset[Axis::Z];
+    let length = Tables::load(&file).expect("they are written").tools[&1].offset[AxisLetter::Z];
     assert!((length + 25.0).abs() < 1e-6, "{length}");
     go(&mut rig, Command::CycleStart);
     assert!(told(&rig).contains("nothing is switched"), "{}", told(&rig));
@@ -282,7 +282,7 @@ fn what_cannot_be_left_or_resumed_says_so() {
     rig.run_until(|rig| setpoint(rig)[0] > 120.0);
     go(&mut rig, Command::FeedHold);
     // While an axis is jogged nothing else begins.
-    let (axis, direction, speed) = (Axis::Z, Direction::Positive, None);
+    let (axis, direction, speed) = (AxisLetter::Z, Direction::Positive, None);
     rig.command(Command::Jog(Jog::Continuous {
         axis,
         direction,
@@ -531,7 +531,7 @@ proptest! {
     fn what_a_fault_has_left_is_gone_along(
         pieces in prop::collection::vec(piece(), 1..10),
         at in 0.0..1.0_f64,
-        jogs in prop::collection::vec((select(&[Axis::X, Axis::Y, Axis::Z][..]), -15.0..15.0_f64), 0..3),
+        jogs in prop::collection::vec((select(&[AxisLetter::X, AxisLetter::Y, AxisLetter::Z][..]), -15.0..15.0_f64), 0..3),
     ) {
         let text = program(&pieces);
         let Some(whole) = whole(&text) else { return Ok(()) };
@@ -630,14 +630,14 @@ proptest! {
 /// What an operator does where a program is held.
 #[derive(Clone, Debug)]
 enum Typed {
-    Jog(Axis, f64),
-    Offset(Axis, f64),
+    Jog(AxisLetter, f64),
+    Offset(AxisLetter, f64),
     /// A line, and whether it moves.
     Line(&'static str, bool),
 }
 
 fn typed() -> impl Strategy<Value = Typed> {
-    let axis = || select(&[Axis::X, Axis::Y, Axis::Z][..]);
+    let axis = || select(&[AxisLetter::X, AxisLetter::Y, AxisLetter::Z][..]);
     let lines = [
         ("M5", false),
         ("M3 S300", false),
@@ -666,5 +666,5 @@ fn typed() -> impl Strategy<Value = Typed> {
 fn offset_of(rig: &Rig) -> [f64; 3] {
     let file = Tables::beside(&rig.folder.path("machine.toml"));
     let tables = Tables::load(&file).expect("good tables");
-    [Axis::X, Axis::Y, Axis::Z].map(|axis| tables.work_offsets[0][axis])
+    [AxisLetter::X, AxisLetter::Y, AxisLetter::Z].map(|axis| tables.work_offsets[0][axis])
 }

@@ -11,7 +11,7 @@ use syncline_controller::control::fault::AxisCause;
 use syncline_controller::control::{End, Event, Fault, Refusal as OrderRefusal, State};
 use syncline_controller::machine::TestMove;
 use syncline_controller::session::{Command, Direction, Jog, Refusal};
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 use syncline_tests::rig::Rig;
 
 const X: usize = 0;
@@ -188,14 +188,14 @@ fn nothing_moves_an_axis_before_its_test_move() {
     let mut rig = staying_on(&[jobs]);
     settle(&mut rig);
     let step = Command::Jog(Jog::Step {
-        axis: Axis::X,
+        axis: AxisLetter::X,
         direction: Direction::Positive,
     });
     go(&mut rig, step.clone());
     go(&mut rig, Command::Mdi("G1 X1 F60".into()));
     assert_eq!(refusals(&rig), [OrderRefusal::Untested(X); 2]);
-    go(&mut rig, home(Axis::X));
-    assert!(is_referenced(&rig, Axis::X) && !is_referenced(&rig, Axis::Y));
+    go(&mut rig, home(AxisLetter::X));
+    assert!(is_referenced(&rig, AxisLetter::X) && !is_referenced(&rig, AxisLetter::Y));
     go(&mut rig, step);
     go(&mut rig, Command::Mdi("G1 X1 F60".into()));
     assert_eq!(refusals(&rig)[2..], [OrderRefusal::Untested(Y)]);
@@ -221,19 +221,19 @@ fn a_test_move_that_is_cut_off_is_none() {
     for again in [false, true] {
         if again {
             go(&mut rig, ALL);
-            assert!(is_referenced(&rig, Axis::X), "{:?}", rig.events);
+            assert!(is_referenced(&rig, AxisLetter::X), "{:?}", rig.events);
         }
-        rig.command(home(Axis::X));
+        rig.command(home(AxisLetter::X));
         for _ in 0..1000 {
             rig.step();
         }
         assert_eq!(state(&rig), State::Homing);
         go(&mut rig, Command::Stop);
         assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
-        assert!(!is_referenced(&rig, Axis::X));
+        assert!(!is_referenced(&rig, AxisLetter::X));
     }
     go(&mut rig, ALL);
-    assert!(is_referenced(&rig, Axis::X), "{:?}", rig.events);
+    assert!(is_referenced(&rig, AxisLetter::X), "{:?}", rig.events);
 }
 
 // --- the unit is wrong ---
@@ -432,11 +432,11 @@ fn an_axis_that_fails_its_test_move_is_refused() {
     let mut rig = staying_on(&[room]);
     settle(&mut rig);
     count(&mut rig, X, 2, -1.0);
-    go(&mut rig, home(Axis::X));
+    go(&mut rig, home(AxisLetter::X));
     assert_eq!(state(&rig), State::Faulted);
     go(&mut rig, Command::Reset);
     assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
-    assert!(!is_referenced(&rig, Axis::X));
+    assert!(!is_referenced(&rig, AxisLetter::X));
     let stood = rig.twin(X).observe().position;
     for _ in 0..2000 {
         rig.step();
@@ -449,7 +449,7 @@ fn an_axis_that_fails_its_test_move_is_refused() {
     rig.bus().forger = None;
     go(&mut rig, ALL);
     assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
-    assert!(is_referenced(&rig, Axis::X));
+    assert!(is_referenced(&rig, AxisLetter::X));
 }
 
 proptest! {

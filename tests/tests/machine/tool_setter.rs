@@ -5,7 +5,7 @@ use syncline_controller::control::{End, Event, Fault, KnownBy};
 use syncline_controller::machine::Machine;
 use syncline_controller::program::Programs;
 use syncline_controller::session::{Command, Jog};
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 use syncline_tests::command::{Folder, machine_with};
 use syncline_tests::rig::Rig;
 
@@ -140,7 +140,7 @@ fn contact_while_nobody_probes_stops() {
     go(
         &mut rig,
         Command::Jog(Jog::By {
-            axis: Axis::Z,
+            axis: AxisLetter::Z,
             distance: -50.0,
             speed: Some(20.0),
         }),

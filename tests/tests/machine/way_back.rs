@@ -4,7 +4,7 @@
 use super::day::{go, settle};
 use syncline_controller::control::Event;
 use syncline_controller::session::{Command, Jog};
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 use syncline_tests::command::{Folder, ended, machine_with, syncline};
 use syncline_tests::rig::Rig;
 
@@ -27,7 +27,7 @@ fn setpoint(rig: &Rig) -> [f64; 3] {
     [x, y, z]
 }
 
-fn jog(rig: &mut Rig, axis: Axis, distance: f64) {
+fn jog(rig: &mut Rig, axis: AxisLetter, distance: f64) {
     let speed = None;
     go(
         rig,
@@ -71,8 +71,8 @@ fn up_over_and_down_from_a_hold_and_from_a_program_stop() {
     let left = setpoint(&rig);
     assert!(told(&mut rig).is_empty(), "on the path");
     // Beside the path, and deeper.
-    jog(&mut rig, Axis::Z, -10.0);
-    jog(&mut rig, Axis::Y, 30.0);
+    jog(&mut rig, AxisLetter::Z, -10.0);
+    jog(&mut rig, AxisLetter::Y, 30.0);
     let up = "way back: cycle start takes Z to -20.000 in machine coordinates";
     assert_eq!(told(&mut rig).last().unwrap(), up);
     let over = format!(
@@ -82,8 +82,8 @@ fn up_over_and_down_from_a_hold_and_from_a_program_stop() {
     assert_eq!(leg(&mut rig), [over]);
     assert_eq!(setpoint(&rig), [left[0], left[1] + 30.0, -20.0]);
     // Away once more, and higher: over to the path at that height.
-    jog(&mut rig, Axis::X, 5.0);
-    jog(&mut rig, Axis::Z, 7.0);
+    jog(&mut rig, AxisLetter::X, 5.0);
+    jog(&mut rig, AxisLetter::Z, 7.0);
     told(&mut rig);
     let down = "way back: cycle start takes Z to -50.000 at 600 mm/min in machine coordinates, \
                 where the path goes on";
@@ -93,7 +93,7 @@ fn up_over_and_down_from_a_hold_and_from_a_program_stop() {
     settle(&mut rig);
     assert_eq!(setpoint(&rig), [300.0, 100.0, -50.0], "at M0");
     // The same from there; the last leg leads on through the stop.
-    jog(&mut rig, Axis::Y, -30.0);
+    jog(&mut rig, AxisLetter::Y, -30.0);
     assert_eq!(told(&mut rig), [up]);
     let over = "way back: cycle start takes Y to 100.000 in machine coordinates";
     assert_eq!(leg(&mut rig), [over]);

@@ -6,7 +6,7 @@ use syncline_canopen::CobId;
 use syncline_controller::control::{End, Event, Fault, HomingFailure, Pause, Phase, State, Switch};
 use syncline_controller::session::Command;
 use syncline_drives::twin::{Disturbance, ErrorClass};
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 use syncline_tests::rig::Rig;
 
 /// Outputs on the drive Y, node 3, and inputs on the drive Z, the fourth.
@@ -310,7 +310,7 @@ proptest! {
             rig.step();
         }
         homing::go(&mut rig, homing::ALL);
-        for axis in [Axis::X, Axis::Y, Axis::Z] {
+        for axis in [AxisLetter::X, AxisLetter::Y, AxisLetter::Z] {
             prop_assert!(homing::is_referenced(&rig, axis), "{:?}", rig.events);
             let errors = homing::errors(&mut rig, axis);
             prop_assert!(errors.iter().all(|error| error.abs() < 0.01), "{:?}", errors);

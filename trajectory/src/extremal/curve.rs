@@ -1,13 +1,15 @@
 //! The whole curve of plans of one direction, for durations that are stated.
 
 use super::regions::Crossing;
-use super::{Curve, Held, NormalisedProblem, Phases, Plan, Problem, REGIONS, Reach, Region};
+use super::{
+    BoundaryConditions, Curve, Held, NormalisedProblem, Phases, Plan, REGIONS, Reach, Region,
+};
 use crate::limits::Limits;
 
 impl Curve {
     /// The curve of greatest displacements, or of smallest ones where `mirrored`.
-    pub(crate) fn new(problem: &Problem, limits: &Limits, mirrored: bool) -> Self {
-        let normalised = NormalisedProblem::new(problem, limits, mirrored);
+    pub(crate) fn new(conditions: &BoundaryConditions, limits: &Limits, mirrored: bool) -> Self {
+        let normalised = NormalisedProblem::new(conditions, limits, mirrored);
         let plan = Plan {
             t: [0.0; 7],
             a1: 0.0,

@@ -56,7 +56,7 @@ pub(crate) use change::{Change, fastest_change};
 
 /// What is between the ends of a plan, seen from the start: velocities, accelerations, distance.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Problem {
+pub(crate) struct BoundaryConditions {
     pub(crate) v0: f64,
     pub(crate) a0: f64,
     pub(crate) vf: f64,

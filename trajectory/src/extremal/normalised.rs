@@ -3,8 +3,8 @@
 
 use super::regions::Crossing;
 use super::{
-    DISPLACEMENT_ROUNDING, Held, NormalisedProblem, Passage, Phases, Plan, Problem, Reach,
-    VELOCITY_ROUNDING,
+    BoundaryConditions, DISPLACEMENT_ROUNDING, Held, NormalisedProblem, Passage, Phases, Plan,
+    Reach, VELOCITY_ROUNDING,
 };
 use crate::limits::Limits;
 
@@ -22,7 +22,7 @@ const STEP_ROUNDING: f64 = 64.0 * f64::EPSILON;
 const LAST_STEP: f64 = 1e-12;
 
 impl NormalisedProblem {
-    pub(crate) fn new(problem: &Problem, limits: &Limits, mirrored: bool) -> Self {
+    pub(crate) fn new(conditions: &BoundaryConditions, limits: &Limits, mirrored: bool) -> Self {
         let (l, sign) = if mirrored {
             (limits.mirrored(), -1.0)
         } else {
@@ -31,8 +31,8 @@ impl NormalisedProblem {
         let (j_up, j_down) = (l.j_max, -l.j_min);
         let (m, n) = (1.0 / j_up, 1.0 / j_down);
         let k = 0.5 * (m + n);
-        let (mut v0, mut a0) = (sign * problem.v0, sign * problem.a0);
-        let (mut vf, mut af) = (sign * problem.vf, sign * problem.af);
+        let (mut v0, mut a0) = (sign * conditions.v0, sign * conditions.a0);
+        let (mut vf, mut af) = (sign * conditions.vf, sign * conditions.af);
         let (mut upper, mut lower) = (l.a_max, -l.a_min);
         let w = (vf - v0) + 0.5 * m * (a0 - af) * (a0 + af);
         let rounding = VELOCITY_ROUNDING * (l.v_max - l.v_min);

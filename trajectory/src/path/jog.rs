@@ -36,7 +36,7 @@ pub use order::{Jog, JogError};
 use super::Setpoint;
 use crate::limits::{Limits, PositionLimits};
 use crate::profile::{Profile, State};
-use crate::state_to_state::{self, Axis};
+use crate::state_to_state::{self, Problem};
 
 /// Where an axis may be, and how it may move.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -150,7 +150,7 @@ const STRAIGHT: f64 = 1e-12;
 
 /// The fastest stop.
 fn stop(start: State, limits: Limits) -> Option<Profile> {
-    state_to_state::plan(&Axis::to_velocity(start, 0.0, limits), 0.0).ok()
+    state_to_state::plan(&Problem::to_velocity(start, 0.0, limits), 0.0).ok()
 }
 
 impl Travel {
@@ -169,8 +169,8 @@ impl Travel {
             limits.v_min = limits.v_min.max(-speed);
             bounds.min = position.min(start.p);
         }
-        let axis = Axis::new(start, State::at_rest(position), limits);
-        let direct = state_to_state::plan(&axis, 0.0).ok().filter(|plan| {
+        let problem = Problem::new(start, State::at_rest(position), limits);
+        let direct = state_to_state::plan(&problem, 0.0).ok().filter(|plan| {
             let range = plan.extrema().position;
             range.min >= bounds.min - ROUNDING && range.max <= bounds.max + ROUNDING
         });

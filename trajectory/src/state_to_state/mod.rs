@@ -59,7 +59,7 @@ pub enum Target {
 
 /// What one axis is to do and what it must keep.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Axis {
+pub struct Problem {
     /// Where it is. A start outside the limits is brought back into them first.
     pub start: State,
     /// Where it goes.
@@ -101,10 +101,10 @@ pub enum PlanError {
     Unreachable,
 }
 
-impl Axis {
+impl Problem {
     /// A move from `start` to `target` without position limits.
     pub const fn new(start: State, target: State, limits: Limits) -> Self {
-        Axis {
+        Problem {
             start,
             target: Target::State(target),
             limits,
@@ -114,7 +114,7 @@ impl Axis {
 
     /// A change to the velocity `v` at acceleration 0.
     pub const fn to_velocity(start: State, v: f64, limits: Limits) -> Self {
-        Axis {
+        Problem {
             start,
             target: Target::Velocity { v, a: 0.0 },
             limits,
@@ -183,10 +183,10 @@ fn before(v: f64, a: f64, limits: &Limits) -> f64 {
 const TARGET_SLACK: f64 = 1e-13;
 
 /// The fastest plan of one axis that lasts at least `min_duration` (s).
-pub fn plan(axis: &Axis, min_duration: f64) -> Result<Profile, PlanError> {
-    axis.check()?;
+pub fn plan(problem: &Problem, min_duration: f64) -> Result<Profile, PlanError> {
+    problem.check()?;
     check_duration(min_duration)?;
-    let route = Route::new(axis);
+    let route = Route::new(problem);
     let mut course = route.fastest()?;
     if route.duration(&course) < min_duration {
         course = route.no_shorter(min_duration)?;
@@ -220,23 +220,23 @@ mod tests {
             8.609_394_122_614_317,
         );
         let start = moving(0.0, 0.085_420_196_882_301_74, 0.554_582_096_595_770_2);
-        let axis = Axis::new(start, State::at_rest(6.896_574_314_072_619), limits);
-        let plan = plan(&axis, 0.0).unwrap();
+        let problem = Problem::new(start, State::at_rest(6.896_574_314_072_619), limits);
+        let plan = plan(&problem, 0.0).unwrap();
         assert!(
             (plan.duration() - 66.89).abs() < 0.01,
             "{}",
             plan.duration()
         );
-        assert!(verify::axis(&plan, &axis).holds(1e-12));
+        assert!(verify::axis(&plan, &problem).holds(1e-12));
     }
 
     #[test]
     fn lowering_the_velocity_limit_in_motion_neither_dips_nor_turns_back() {
         for lowered in [0.1, 0.05] {
             let limits = Limits::symmetric(lowered, 2.0, 20.0);
-            let axis = Axis::new(moving(0.0, 1.0, 2.0), State::at_rest(50.0), limits);
-            let plan = plan(&axis, 0.0).unwrap();
-            assert!(verify::axis(&plan, &axis).holds(1e-12));
+            let problem = Problem::new(moving(0.0, 1.0, 2.0), State::at_rest(50.0), limits);
+            let plan = plan(&problem, 0.0).unwrap();
+            assert!(verify::axis(&plan, &problem).holds(1e-12));
             let braking = plan.segments().last().unwrap().duration + 2.0;
             let lowest = (0..1000)
                 .map(|i| plan.at(i as f64 / 1000.0 * (plan.duration() - braking)).v)
@@ -248,9 +248,9 @@ mod tests {
     #[test]
     fn a_stop_needs_no_position() {
         let limits = Limits::symmetric(1.0, 2.0, 10.0);
-        let axis = Axis::to_velocity(moving(3.0, 0.9, 0.4), 0.0, limits);
-        let plan = plan(&axis, 0.0).unwrap();
-        assert!(verify::axis(&plan, &axis).holds(1e-12));
+        let problem = Problem::to_velocity(moving(3.0, 0.9, 0.4), 0.0, limits);
+        let plan = plan(&problem, 0.0).unwrap();
+        assert!(verify::axis(&plan, &problem).holds(1e-12));
         assert!(plan.duration() < 1.0);
     }
 }

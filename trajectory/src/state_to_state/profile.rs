@@ -91,8 +91,8 @@ impl Route {
     pub(super) fn drifts(&self, steps: &Steps) -> bool {
         let mut state = State {
             p: 0.0,
-            v: self.problem.v0,
-            a: self.problem.a0,
+            v: self.conditions.v0,
+            a: self.conditions.a0,
         };
         let mut length = self.entry.displacement.abs();
         let mut cruise = 0.0_f64;
@@ -105,7 +105,7 @@ impl Route {
             length += (next.p - state.p).abs();
             state = next;
         }
-        let speed = self.start.v.abs().max(self.problem.vf.abs());
+        let speed = self.start.v.abs().max(self.conditions.vf.abs());
         let drift = cruise * (0.5 * cruise * self.limits.a_max + speed);
         RATE_ROUNDING * drift > SHOWS * length
     }

@@ -3,8 +3,10 @@
 
 use super::entry::{Entry, enter};
 use super::steps::Steps;
-use super::{Axis, PlanError, Target, before};
-use crate::extremal::{Change, Curve, NormalisedProblem, Passage, Phases, Problem, fastest_change};
+use super::{PlanError, Problem, Target, before};
+use crate::extremal::{
+    BoundaryConditions, Change, Curve, NormalisedProblem, Passage, Phases, fastest_change,
+};
 use crate::limits::{Limits, PositionLimits};
 use crate::profile::State;
 
@@ -14,7 +16,7 @@ pub(crate) struct Route {
     pub(super) start: State,
     pub(super) limits: Limits,
     pub(super) entry: Entry,
-    pub(super) problem: Problem,
+    pub(super) conditions: BoundaryConditions,
     /// The target, where the displacement matters.
     pub(super) target: Option<State>,
     /// The position limits, as displacements from the start.
@@ -40,29 +42,29 @@ pub(crate) enum Course {
 }
 
 impl Route {
-    pub(crate) fn new(axis: &Axis) -> Self {
-        let (entry, reached) = enter(axis.start, &axis.limits);
-        let (vf, af) = axis.target_rates();
-        let target = match axis.target {
+    pub(crate) fn new(problem: &Problem) -> Self {
+        let (entry, reached) = enter(problem.start, &problem.limits);
+        let (vf, af) = problem.target_rates();
+        let target = match problem.target {
             Target::State(state) => Some(state),
             Target::Velocity { .. } => None,
         };
-        let problem = Problem {
+        let conditions = BoundaryConditions {
             v0: reached.v,
             a0: reached.a,
             vf,
             af,
-            distance: target.map_or(0.0, |t| (t.p - axis.start.p) - reached.p),
+            distance: target.map_or(0.0, |t| (t.p - problem.start.p) - reached.p),
         };
-        let bounds = axis.bounds.map(|b| PositionLimits {
-            min: b.min - axis.start.p,
-            max: b.max - axis.start.p,
+        let bounds = problem.bounds.map(|b| PositionLimits {
+            min: b.min - problem.start.p,
+            max: b.max - problem.start.p,
         });
         Route {
-            start: axis.start,
-            limits: axis.limits,
+            start: problem.start,
+            limits: problem.limits,
             entry,
-            problem,
+            conditions,
             target,
             bounds,
         }
@@ -85,13 +87,13 @@ impl Route {
     /// The shortest course.
     pub(crate) fn fastest(&self) -> Result<Course, PlanError> {
         let free = Course::Extremal(if self.target.is_some() {
-            fastest(&self.problem, &self.limits)
+            fastest(&self.conditions, &self.limits)
         } else {
             fastest_change(
-                self.problem.v0,
-                self.problem.a0,
-                self.problem.vf,
-                self.problem.af,
+                self.conditions.v0,
+                self.conditions.a0,
+                self.conditions.vf,
+                self.conditions.af,
                 &self.limits,
             )
             .phases()
@@ -123,24 +125,24 @@ impl Route {
     /// A course between the two extremal ones of this duration, or the shortest of those that last
     /// longer.
     pub(super) fn extremes(&self, time: f64) -> Course {
-        let problem = &self.problem;
-        let up = Curve::new(problem, &self.limits, false);
+        let conditions = &self.conditions;
+        let up = Curve::new(conditions, &self.limits, false);
         let (first, _) = up.first();
-        let down = Curve::new(problem, &self.limits, true);
+        let down = Curve::new(conditions, &self.limits, true);
         let (highest, lowest) = (up.at(time), down.at(time));
         let mut longer = None;
         if let (Some((high, most)), Some((low, least))) = (highest, lowest) {
-            let rounding = slack(problem, most).max(slack(problem, least));
+            let rounding = slack(conditions, most).max(slack(conditions, least));
             if self.target.is_none() {
                 return Course::Between {
                     up: high,
                     down: low,
                     mix: 0.0,
                 };
-            } else if problem.distance > most + rounding {
-                longer = up.next_over(problem.distance, time);
-            } else if problem.distance < least - rounding {
-                longer = down.next_over(problem.distance, time);
+            } else if conditions.distance > most + rounding {
+                longer = up.next_over(conditions.distance, time);
+            } else if conditions.distance < least - rounding {
+                longer = down.next_over(conditions.distance, time);
             } else {
                 return self.between(high, most, low, least);
             }
@@ -149,7 +151,7 @@ impl Route {
         let phases = longer.unwrap_or_else(|| match up.first_after_blocked() {
             None => first,
             Some((second, _)) if self.target.is_none() => second,
-            Some((second, d)) => after_blocked(problem, &self.limits, second, d),
+            Some((second, d)) => after_blocked(conditions, &self.limits, second, d),
         });
         Course::Extremal(phases)
     }
@@ -157,14 +159,14 @@ impl Route {
     /// A course of this duration with a cruise, where there is one. Its displacement grows with the
     /// cruise's velocity, as the velocity does at every instant.
     pub(super) fn cruise(&self, time: f64) -> Option<Course> {
-        let Problem {
+        let BoundaryConditions {
             v0,
             a0,
             vf,
             af,
             distance,
             ..
-        } = self.problem;
+        } = self.conditions;
         let l = &self.limits;
         let change = |v: f64| {
             let into = fastest_change(v0, a0, v, 0.0, l);
@@ -222,24 +224,24 @@ impl Route {
     }
 
     pub(super) fn distance(&self) -> f64 {
-        self.problem.distance + self.entry.displacement
+        self.conditions.distance + self.entry.displacement
     }
 
     /// Through the displacement `by`, at velocity zero and acceleration `a`.
     pub(super) fn via(&self, by: f64, a: f64, hold: f64) -> Course {
         let to_there = by - self.entry.displacement;
-        let first = Problem {
+        let first = BoundaryConditions {
             vf: 0.0,
             af: a,
             distance: to_there,
-            ..self.problem
+            ..self.conditions
         };
-        let distance = self.problem.distance - to_there;
-        let second = Problem {
+        let distance = self.conditions.distance - to_there;
+        let second = BoundaryConditions {
             v0: 0.0,
             a0: a,
             distance,
-            ..self.problem
+            ..self.conditions
         };
         let second = if self.target.is_some() {
             fastest(&second, &self.limits)
@@ -310,7 +312,7 @@ impl Route {
 
     /// A course that rests in between: where the axis can stop soonest, or at a position limit.
     pub(super) fn resting(&self, time: f64) -> Option<Course> {
-        let Problem { v0, a0, .. } = self.problem;
+        let BoundaryConditions { v0, a0, .. } = self.conditions;
         let stop = self.entry.displacement
             + fastest_change(v0, a0, 0.0, 0.0, &self.limits).displacement(v0, a0);
         let bounds = self.bounds?;
@@ -340,12 +342,14 @@ impl Route {
             return Course::Extremal(up);
         }
         let bound = |mix: f64| mix.clamp(-1.0, 1.0);
-        let mut mix =
-            bound(0.5 * ((self.problem.distance - least) - (most - self.problem.distance)) / half);
+        let mut mix = bound(
+            0.5 * ((self.conditions.distance - least) - (most - self.conditions.distance)) / half,
+        );
         // The displacement is linear in the mix, but for rounding.
         for _ in 0..MIX_ROUNDS {
             let steps = Steps::between(&up, &down, mix, &self.limits);
-            let miss = self.problem.distance - steps.displacement(self.problem.v0, self.problem.a0);
+            let miss = self.conditions.distance
+                - steps.displacement(self.conditions.v0, self.conditions.a0);
             mix = bound(mix + miss / half);
         }
         Course::Between { up, down, mix }
@@ -353,33 +357,44 @@ impl Route {
 }
 
 /// The fastest phases of a problem whose ends are inside the limits.
-pub(super) fn fastest(problem: &Problem, limits: &Limits) -> Phases {
-    let change = fastest_change(problem.v0, problem.a0, problem.vf, problem.af, limits);
-    let d = change.displacement(problem.v0, problem.a0);
-    let miss = problem.distance - d;
+pub(super) fn fastest(conditions: &BoundaryConditions, limits: &Limits) -> Phases {
+    let change = fastest_change(
+        conditions.v0,
+        conditions.a0,
+        conditions.vf,
+        conditions.af,
+        limits,
+    );
+    let d = change.displacement(conditions.v0, conditions.a0);
+    let miss = conditions.distance - d;
     // Where the velocity turns around, rounding is that of the path travelled.
     let rounding = PATH_ROUNDING;
     let furthest = (limits.v_max - limits.v_min) * change.duration();
-    if miss.abs() <= slack(problem, d)
+    if miss.abs() <= slack(conditions, d)
         || miss.abs() <= rounding * furthest
-            && miss.abs() <= rounding * change.path(problem.v0, problem.a0)
+            && miss.abs() <= rounding * change.path(conditions.v0, conditions.a0)
     {
         return change.phases();
     }
-    let normalised = NormalisedProblem::new(problem, limits, miss < 0.0);
-    match normalised.first_over(problem.distance) {
+    let normalised = NormalisedProblem::new(conditions, limits, miss < 0.0);
+    match normalised.first_over(conditions.distance) {
         Passage::Found(phases) => phases,
-        Passage::BlockedInterval(second, d) => after_blocked(problem, limits, second, d),
+        Passage::BlockedInterval(second, d) => after_blocked(conditions, limits, second, d),
     }
 }
 
 /// The fastest phases from the first ones after the blocked interval on, whose displacement is `d`.
-pub(super) fn after_blocked(problem: &Problem, limits: &Limits, first: Phases, d: f64) -> Phases {
-    let miss = problem.distance - d;
-    if miss.abs() <= slack(problem, d) {
+pub(super) fn after_blocked(
+    conditions: &BoundaryConditions,
+    limits: &Limits,
+    first: Phases,
+    d: f64,
+) -> Phases {
+    let miss = conditions.distance - d;
+    if miss.abs() <= slack(conditions, d) {
         return first;
     }
-    NormalisedProblem::new(problem, limits, miss < 0.0).after_blocked_over(problem.distance)
+    NormalisedProblem::new(conditions, limits, miss < 0.0).after_blocked_over(conditions.distance)
 }
 
 /// A miss of the distance, relative to it, that is taken for rounding where meeting it would need
@@ -403,6 +418,6 @@ const MIX_ROUNDS: usize = 2;
 const PATH_ROUNDING: f64 = 16.0 * f64::EPSILON;
 
 /// By how much a plan of displacement `d` may miss the distance and still be taken for it.
-pub(super) fn slack(problem: &Problem, d: f64) -> f64 {
-    SNAP * d.abs().max(problem.distance.abs())
+pub(super) fn slack(conditions: &BoundaryConditions, d: f64) -> f64 {
+    SNAP * d.abs().max(conditions.distance.abs())
 }

@@ -29,7 +29,7 @@
 use super::{AngleObserver, RippleLimits, Turning};
 use crate::limits::Limits;
 use crate::profile::{Profile, State};
-use crate::state_to_state::{Axis, plan};
+use crate::state_to_state::{Problem, plan};
 use core::ops::Neg;
 
 /// By this part of a cycle a ramp may begin late.
@@ -160,7 +160,7 @@ impl Thread {
         let jerk = (acceleration / LEAST_RISE).min(j * limits.j_max / self.lead);
         let limits = Limits::symmetric(3.0 * speed, acceleration, jerk);
         plan(
-            &Axis::to_velocity(State::default(), -2.0 * speed, limits),
+            &Problem::to_velocity(State::default(), -2.0 * speed, limits),
             0.0,
         )
         .ok()
@@ -425,7 +425,7 @@ impl Follower {
             return Err(LostStep::TooDeep);
         }
         let end = if returns { 0.0 } else { length };
-        let to_end = Axis::new(self.state, State::at_rest(end), self.limits);
+        let to_end = Problem::new(self.state, State::at_rest(end), self.limits);
         let distance = (end - self.state.p).abs();
         let stop = plan(&to_end, 0.0).map_err(|_| LostStep::Behind { distance })?;
         self.leave(stop, 0.0);
@@ -465,11 +465,11 @@ impl Follower {
 
 /// The shortest stop.
 fn stop(from: State, limits: &Limits) -> Option<Profile> {
-    plan(&Axis::to_velocity(from, 0.0, *limits), 0.0).ok()
+    plan(&Problem::to_velocity(from, 0.0, *limits), 0.0).ok()
 }
 
 /// From rest to a speed, mm/s.
 fn ramp(speed: f64, limits: &Limits) -> Option<Profile> {
     let limits = Limits::symmetric(limits.v_max, RAMP[0] * limits.a_max, RAMP[1] * limits.j_max);
-    plan(&Axis::to_velocity(State::default(), speed, limits), 0.0).ok()
+    plan(&Problem::to_velocity(State::default(), speed, limits), 0.0).ok()
 }

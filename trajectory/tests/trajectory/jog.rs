@@ -7,7 +7,7 @@ use syncline_trajectory::path::{
     Planner, Retraction, Setpoint, Travel,
 };
 use syncline_trajectory::profile::State;
-use syncline_trajectory::state_to_state::{Axis, plan};
+use syncline_trajectory::state_to_state::{Problem, plan};
 use syncline_trajectory::verify;
 
 const LIMITS: Limits<3> = Limits {
@@ -293,7 +293,7 @@ fn a_long_jog_ends_at_the_soft_limit_and_a_hold_stops_it_before() {
         v: braked.velocity[0],
         a: braked.acceleration[0],
     };
-    let stop = plan(&Axis::to_velocity(start, 0.0, axis_limits(0)), 0.0).unwrap();
+    let stop = plan(&Problem::to_velocity(start, 0.0, axis_limits(0)), 0.0).unwrap();
     assert!((machine.now().position[0] - stop.end().p).abs() < 1e-9);
     machine.assert_well();
 }
@@ -580,7 +580,7 @@ fn assert_fastest(velocity: f64, after: usize, to: f64) {
         v: now.velocity[0],
         a: now.acceleration[0],
     };
-    let problem = Axis::new(start, State::at_rest(to), axis_limits(0));
+    let problem = Problem::new(start, State::at_rest(to), axis_limits(0));
     let fastest = plan(&problem, 0.0).unwrap();
     assert!(verify::axis(&fastest, &problem).holds(1e-12));
     machine.jog(Jog::To([Some(to), None, None])).unwrap();

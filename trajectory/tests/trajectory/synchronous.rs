@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use syncline_trajectory::limits::Limits;
 use syncline_trajectory::profile::State;
-use syncline_trajectory::state_to_state::{Axis, plan};
+use syncline_trajectory::state_to_state::{Problem, plan};
 use syncline_trajectory::synchronous::{
     AngleObserver, BEYOND, Follower, LostStep, Tapping, Thread,
 };
@@ -185,7 +185,7 @@ proptest! {
         let cut = cut(&spindle, thread(length, lead, spindle.speed < 0.0), 2e-3, 3.0);
         let [v, a, j] = LIMITS;
         for state in cut.states {
-            let stop = Axis::to_velocity(state, 0.0, Limits::symmetric(v, a, j));
+            let stop = Problem::to_velocity(state, 0.0, Limits::symmetric(v, a, j));
             let stop = plan(&stop, 0.0).unwrap();
             prop_assert!(stop.end().p <= length + 1e-6, "{:?}", state);
         }
@@ -253,7 +253,7 @@ proptest! {
         assert_within_limits(&states, period);
         let most = thread.length + BEYOND * lead;
         for &state in &states {
-            let stop = plan(&Axis::to_velocity(state, 0.0, limits), 0.0).unwrap();
+            let stop = plan(&Problem::to_velocity(state, 0.0, limits), 0.0).unwrap();
             prop_assert!((-1e-6..=most + 1e-6).contains(&stop.end().p), "{:?}", state);
         }
         if obeys {

@@ -15,7 +15,7 @@ use std::io;
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 
 /// Who the lines come from, in the log.
 const NAME: &str = "lines";
@@ -336,7 +336,7 @@ impl Teller {
     }
 
     /// How an axis stops that is jogged on and on, with this speed at most.
-    fn stopping(&self, letter: Axis, speed: Option<f64>) -> Option<String> {
+    fn stopping(&self, letter: AxisLetter, speed: Option<f64>) -> Option<String> {
         let mut axes = self.machine.axes.iter();
         let axis = axes.find(|axis| axis.letter == letter)?;
         let status = self.view.get();

@@ -3,7 +3,7 @@
 use crate::machine::Machine;
 use crate::session::{Squareness, Status};
 use syncline_drives::model::PowerState;
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 
 /// What the row of the drives is called.
 pub(super) const DRIVES: &str = "drives";
@@ -30,7 +30,7 @@ pub(super) struct Signals {
     /// Encoders on shafts of their own.
     pub(super) measured: Vec<String>,
     /// The gantries that homing takes square: letter and unit.
-    pub(super) gantries: Vec<(Axis, &'static str)>,
+    pub(super) gantries: Vec<(AxisLetter, &'static str)>,
 }
 
 impl Signals {

@@ -363,7 +363,7 @@ mod tests {
     #[test]
     fn how_square_a_gantry_is_stands_among_the_signals() {
         let mut model = model();
-        model.signals.gantries = vec![(syncline_gcode::Axis::X, "mm")];
+        model.signals.gantries = vec![(syncline_gcode::AxisLetter::X, "mm")];
         let square = |stored, measured| Some(Squareness { stored, measured });
         model.status.squareness[0] = square(-0.8, None);
         let screen = drawn(&model, 80, 24);

@@ -4,7 +4,7 @@ use super::AxisControl;
 use crate::machine::Square;
 use syncline_trajectory::limits::Limits;
 use syncline_trajectory::profile::{Profile, State};
-use syncline_trajectory::state_to_state::{self, Axis as Motion};
+use syncline_trajectory::state_to_state::{self, Problem};
 
 /// The part of the axis' limits of acceleration and jerk with which its sides move against each other.
 const GENTLE: f64 = 0.1;
@@ -53,7 +53,7 @@ impl AxisControl {
             && apart != 0.0
         {
             let (from, to) = (State::at_rest(apart), State::at_rest(0.0));
-            let plan = state_to_state::plan(&Motion::new(from, to, limits), 0.0);
+            let plan = state_to_state::plan(&Problem::new(from, to, limits), 0.0);
             self.squaring = plan.ok().map(|plan| Squaring {
                 plan,
                 began: cycle - 1,
@@ -68,7 +68,7 @@ impl AxisControl {
         if let (Some(squaring), Some((_, limits))) = (&self.squaring, self.square_limits()) {
             let began = cycle - 1;
             let (now, later) = squaring.plan.sample(squaring.since(began, self.period));
-            let stop = state_to_state::plan(&Motion::to_velocity(now, 0.0, limits), 0.0);
+            let stop = state_to_state::plan(&Problem::to_velocity(now, 0.0, limits), 0.0);
             self.squaring = stop.ok().map(|plan| Squaring { plan, began, later });
         }
     }

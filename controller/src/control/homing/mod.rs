@@ -34,7 +34,7 @@ use by_drive::ByDrive;
 use hard_stop::HardStop;
 use std::sync::Arc;
 use switch::{Motion, Progress, Search, Seen};
-use syncline_gcode::Axis as Letter;
+use syncline_gcode::AxisLetter;
 use syncline_trajectory::limits::{Limits, PositionLimits};
 use syncline_trajectory::path::{Jog, Travel};
 
@@ -177,7 +177,9 @@ impl<const N: usize> Controller<N> {
         let homed = self.job.map(|job| job.homes_first).unwrap_or_default();
         let by_program = |axis: AxisIndex| {
             let at = self.layout.axes[axis].coordinate;
-            Letter::ALL.get(at).is_some_and(|&it| homed.contains(it))
+            AxisLetter::ALL
+                .get(at)
+                .is_some_and(|&it| homed.contains(it))
         };
         let missing =
             (0..self.axes.len()).filter(|&axis| self.needs_homing(axis) && !by_program(axis));

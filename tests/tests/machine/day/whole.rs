@@ -16,7 +16,7 @@ use syncline_controller::session::{
     self, Accepted, Command, Direction, Jog, Override, Refusal, Status, Subscription,
 };
 use syncline_drives::twin::{Disturbance, ErrorClass};
-use syncline_gcode::{Axis, Tables, Turning};
+use syncline_gcode::{AxisLetter, Tables, Turning};
 use syncline_tests::command::{Folder, ended, machine_with, syncline};
 use syncline_tests::rig::Rig;
 use syncline_tests::terminal::Terminal;
@@ -189,7 +189,7 @@ impl Day {
         self.go(Command::Mdi(lines.to_owned()), State::Ready);
     }
 
-    fn jog(&mut self, axis: Axis, distance: f64, ends_in: State) {
+    fn jog(&mut self, axis: AxisLetter, distance: f64, ends_in: State) {
         let speed = None;
         let jog = Jog::By {
             axis,
@@ -238,7 +238,7 @@ impl Day {
     /// Goes on until X of the work is beyond.
     fn runs_beyond(&mut self, x: f64) {
         self.rig
-            .run_until(|rig| state(rig) == State::Running && work(rig, Axis::X) > x);
+            .run_until(|rig| state(rig) == State::Running && work(rig, AxisLetter::X) > x);
     }
 
     fn load(&mut self, name: &str, text: &str) {
@@ -289,28 +289,32 @@ impl Day {
     fn touch_off(&mut self) {
         let rig = &mut self.rig;
         rig.command(Command::Jog(Jog::To(positions([
-            (Axis::X, 100.0),
-            (Axis::Y, 50.0),
+            (AxisLetter::X, 100.0),
+            (AxisLetter::Y, 50.0),
         ]))));
         rig.run_until(|rig| state(rig) == State::Jogging);
         settle(rig);
-        let (axis, direction) = (Axis::X, Direction::Positive);
+        let (axis, direction) = (AxisLetter::X, Direction::Positive);
         self.go(Command::Jog(Jog::Step { axis, direction }), State::Ready);
-        assert_near(at(&self.rig, Axis::X), 101.0);
-        let there = positions([(Axis::X, 0.0), (Axis::Y, 5.0), (Axis::Z, 0.0)]);
+        assert_near(at(&self.rig, AxisLetter::X), 101.0);
+        let there = positions([
+            (AxisLetter::X, 0.0),
+            (AxisLetter::Y, 5.0),
+            (AxisLetter::Z, 0.0),
+        ]);
         self.go(Command::SetWorkOffset(there), State::Ready);
-        assert_near(work(&self.rig, Axis::X), 0.0);
-        assert_near(work(&self.rig, Axis::Y), 5.0);
+        assert_near(work(&self.rig, AxisLetter::X), 0.0);
+        assert_near(work(&self.rig, AxisLetter::Y), 5.0);
         let file = Tables::beside(&self.rig.folder.path("machine.toml"));
         let tables = Tables::load(&file).expect("they are written");
-        assert_near(tables.work_offsets[0][Axis::X], 101.0);
+        assert_near(tables.work_offsets[0][AxisLetter::X], 101.0);
         self.rig.goes_on = true;
         self.mdi("T1 M6");
         self.rig.goes_on = false;
         assert_eq!(self.status().tool, 1);
-        let length = positions([(Axis::Z, 0.0)]);
+        let length = positions([(AxisLetter::Z, 0.0)]);
         self.go(Command::SetToolLength(length), State::Ready);
-        assert_near(work(&self.rig, Axis::Z), 0.0);
+        assert_near(work(&self.rig, AxisLetter::Z), 0.0);
         self.assert_plants_are_there();
     }
 
@@ -318,13 +322,13 @@ impl Day {
     fn type_lines(&mut self) {
         self.mdi("G91 G1 X10 F6000 S500 M3");
         self.mdi("X5");
-        assert_near(work(&self.rig, Axis::X), 15.0);
+        assert_near(work(&self.rig, AxisLetter::X), 15.0);
         assert_eq!(self.status().spindle.speed, 500.0);
         assert!(self.rig.states.contains(&State::Mdi));
-        let zero = positions([(Axis::X, 0.0), (Axis::Y, 0.0)]);
+        let zero = positions([(AxisLetter::X, 0.0), (AxisLetter::Y, 0.0)]);
         self.go(Command::GoTo(zero), State::Ready);
-        assert_near(at(&self.rig, Axis::X), 101.0);
-        assert_near(work(&self.rig, Axis::Y), 0.0);
+        assert_near(at(&self.rig, AxisLetter::X), 101.0);
+        assert_near(work(&self.rig, AxisLetter::Y), 0.0);
         self.assert_plants_are_there();
     }
 
@@ -338,8 +342,8 @@ impl Day {
         let left = self.status().setpoint;
         let line = self.status().line;
         assert!(left[0] > 121.0 && line == 4, "{left:?} {line}");
-        self.jog(Axis::Z, 2.0, State::Held);
-        self.jog(Axis::Y, 20.0, State::Held);
+        self.jog(AxisLetter::Z, 2.0, State::Held);
+        self.jog(AxisLetter::Y, 20.0, State::Held);
         assert!(self.status().off_path);
         self.assert_plants_are_there();
         self.rig.command(Command::FeedOverride(Override::To(150.0)));
@@ -374,8 +378,8 @@ impl Day {
         assert!(off.fold(0.0, f64::max) < 0.05, "{back:?} {left:?}");
         let furthest = rows.iter().map(|row| row.plan.position[0]);
         assert_near(furthest.fold(0.0, f64::max), 161.0);
-        assert_near(work(&self.rig, Axis::X), 0.0);
-        assert_near(work(&self.rig, Axis::Y), 0.0);
+        assert_near(work(&self.rig, AxisLetter::X), 0.0);
+        assert_near(work(&self.rig, AxisLetter::Y), 0.0);
         assert_eq!(self.status().settings.feed_override, 150.0);
         let modes = &self.status().modes;
         assert!(modes.starts_with("G1 G17 G21 G40 G43 G54 G90 "), "{modes}");
@@ -434,7 +438,7 @@ impl Day {
         let functions = cut.expect("the line's way").functions;
         assert_eq!(functions.spindle.turning, Turning::Clockwise);
         assert!(functions.coolant.flood);
-        assert_near(work(&self.rig, Axis::X), 0.0);
+        assert_near(work(&self.rig, AxisLetter::X), 0.0);
         self.assert_plants_are_there();
     }
 
@@ -480,9 +484,9 @@ impl Day {
                 "{reached}, not {furthest}"
             );
         }
-        assert_near(at(&self.rig, Axis::X), 106.0);
-        assert_near(at(&self.rig, Axis::Y), 49.0);
-        assert_near(work(&self.rig, Axis::X), 0.0);
+        assert_near(at(&self.rig, AxisLetter::X), 106.0);
+        assert_near(at(&self.rig, AxisLetter::Y), 49.0);
+        assert_near(work(&self.rig, AxisLetter::X), 0.0);
         self.assert_plants_are_there();
     }
 
@@ -490,8 +494,8 @@ impl Day {
     fn run_another_and_go_off(&mut self) {
         self.load("other.ngc", OTHER);
         self.go(Command::Run { from_line: None }, State::Ready);
-        assert_near(work(&self.rig, Axis::X), 20.0);
-        assert_near(work(&self.rig, Axis::Y), 10.0);
+        assert_near(work(&self.rig, AxisLetter::X), 20.0);
+        assert_near(work(&self.rig, AxisLetter::Y), 10.0);
         self.assert_plants_are_there();
         self.go(Command::Disable, State::Disabled);
         assert_eq!(self.powered(), vec![false; self.drives]);
@@ -633,7 +637,11 @@ fn by_keys_on_a_terminal() {
     for axis in ["X", "Y", "Z"] {
         await_rest(&mut keys, "READY", axis, 0.0);
     }
-    for (axis, offset) in [(Axis::X, 100.0), (Axis::Y, 50.0), (Axis::Z, -10.0)] {
+    for (axis, offset) in [
+        (AxisLetter::X, 100.0),
+        (AxisLetter::Y, 50.0),
+        (AxisLetter::Z, -10.0),
+    ] {
         let written = offset_of(&machine, axis).expect("the tables are written");
         assert!((written - offset).abs() < 0.01, "{axis}: {written}");
     }

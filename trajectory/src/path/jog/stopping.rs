@@ -3,7 +3,7 @@
 
 use super::{Jogging, ROUNDING, Travel, stop};
 use crate::profile::{Profile, State};
-use crate::state_to_state::{self, Axis};
+use crate::state_to_state::{self, Problem};
 
 /// What the axis does that takes longest to stop.
 #[derive(Clone, Copy)]
@@ -27,8 +27,8 @@ impl Travel {
             return fastest;
         }
         let to = (start.p + along).clamp(self.bounds.min, self.bounds.max);
-        let axis = Axis::new(start, State::at_rest(to), self.limits);
-        let plan = state_to_state::plan(&axis, lead.duration).ok();
+        let problem = Problem::new(start, State::at_rest(to), self.limits);
+        let plan = state_to_state::plan(&problem, lead.duration).ok();
         // Where no plan lasts just so long the next one may last far longer.
         let goes_straight = |plan: &Profile| {
             let range = plan.extrema().position;

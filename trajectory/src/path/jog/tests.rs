@@ -101,7 +101,7 @@ fn advance(axes: &mut Jogging<N>, rapid: f64) -> Result<(), TestCaseError> {
                 }
                 _ => Target::Velocity { v: 0.0, a: 0.0 },
             };
-            let problem = Axis {
+            let problem = Problem {
                 start,
                 target,
                 limits,

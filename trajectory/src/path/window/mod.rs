@@ -32,7 +32,7 @@ use super::plan::PlannedSegment;
 use super::time_parametrisation::{Cell, NodeState, TimeParametrisation};
 use super::{JerkSegment, Limits, PathSegment, PathState};
 use crate::profile::State;
-use crate::state_to_state::{self, Axis};
+use crate::state_to_state::{self, Problem};
 
 impl From<JerkSegment> for PathState {
     fn from(segment: JerkSegment) -> Self {
@@ -244,12 +244,12 @@ impl<const N: usize> Window<N> {
             a: departure.acceleration,
         };
         let end = State::at_rest(path_segment.start + path_segment.curve.length());
-        let axis = Axis::new(
+        let problem = Problem::new(
             start,
             end,
             Bounds::along(&path_segment.curve, path_segment.speed, limits).limits(),
         );
-        let profile = state_to_state::plan(&axis, 0.0).map_err(|_| NoSolution)?;
+        let profile = state_to_state::plan(&problem, 0.0).map_err(|_| NoSolution)?;
         let speed = profile.extrema().velocity;
         if speed.min < -ROUNDING * speed.max {
             return Err(NoSolution);
