@@ -244,7 +244,7 @@ impl SpindleSpec {
             drive: place,
             fastest: spindle.speeds.1,
             tolerance: drive.tolerance,
-            ramp: spindle.speeds.1 / spindle.ramp.as_secs_f64(),
+            ramp: spindle.acceleration(),
             reversal: spindle.reversal(),
             speed_step: step.map_or(0.0, |step| step / drive.increments_per_second(1.0).abs()),
             orientation: OrientationSpec::of(machine, spindle, drive),
@@ -254,7 +254,7 @@ impl SpindleSpec {
 
 impl OrientationSpec {
     fn of(machine: &Machine, spindle: &Spindle, drive: &SpindleDrive) -> Option<Self> {
-        let delay = spindle.delay(machine.assumed(drive.model), machine.cycle);
+        let delay = spindle.delay(machine);
         let delay = delay.filter(|_| drive.model.moves_axes())?;
         Some(Self {
             tolerance: drive.orientation_tolerance,

@@ -89,6 +89,12 @@ impl Spindle {
         self.ramp * 2 + SETTLING
     }
 
+    /// As fast as its drive's ramp changes its speed, 1/min in a second.
+    #[must_use]
+    pub fn acceleration(&self) -> f64 {
+        self.speeds.1 / self.ramp.as_secs_f64()
+    }
+
     /// What a drive's ramp allows a speed to change by that changes smoothly, in turns.
     #[must_use]
     pub fn smooth_limits(&self) -> Limits {
@@ -108,17 +114,13 @@ impl Spindle {
 
     /// So much later than its drive is sent a speed that changes smoothly, one for each cycle, the spindle has it, s: half of
     /// the time in which the drive's ramp comes to each, and what the drive takes besides.
-    pub(crate) fn delay(&self, assumed: Assumed, cycle: Duration) -> Option<f64> {
-        let device = self.drive.as_ref().map(|drive| {
-            let common = Settings {
-                assumed,
-                ..Settings::new(drive.node, cycle)
-            };
-            drive.model.device(&self.settings(common))
-        })?;
+    /// `None` without a drive.
+    pub(crate) fn delay(&self, machine: &Machine) -> Option<f64> {
+        let (place, _) = machine.spindle_drive()?;
+        let device = machine.device(place);
         let drive = device.drive()?;
         let lag = drive.dynamics().map_or(0.0, |it| it.lag);
-        let cycle = cycle.as_secs_f64();
+        let cycle = machine.cycle.as_secs_f64();
         Some((0.5 * RAMP_PART + drive.latency() - 1.0) * cycle + lag)
     }
 

@@ -61,7 +61,7 @@ pub(super) struct Threads {
     travel: [Option<(f64, f64)>; COORDINATES],
     /// What the spindle's speed may differ by, a part of it.
     tolerance: f64,
-    /// Of its drive, turns/s².
+    /// As fast as its drive's ramp changes its speed, turns/s².
     ramp: f64,
     /// So much later than its drive is sent a speed it has it, s.
     delay: f64,
@@ -74,18 +74,13 @@ impl Threads {
             travel[axis.letter.index()] = Some(axis.limits.position);
         }
         let spindle = machine.spindle.as_ref();
-        let drive = spindle.and_then(|it| it.drive.as_ref());
-        let ramp = spindle.map(|it| it.speeds.1 / 60.0 / it.ramp.as_secs_f64());
-        let delay = spindle.zip(drive).and_then(|(spindle, drive)| {
-            let assumed = machine.assumed(drive.model);
-            spindle.delay(assumed, machine.cycle)
-        });
+        let drive = machine.spindle_drive();
         Self {
             limits,
             travel,
-            tolerance: drive.map_or(0.0, |it| it.tolerance),
-            ramp: ramp.unwrap_or_default(),
-            delay: delay.unwrap_or_default(),
+            tolerance: drive.map_or(0.0, |(_, it)| it.tolerance),
+            ramp: spindle.map_or(0.0, |it| it.acceleration() / 60.0),
+            delay: spindle.and_then(|it| it.delay(machine)).unwrap_or_default(),
         }
     }
 
