@@ -1,6 +1,6 @@
 //! What the controller has to tell, as plain numbers; the text is made outside of the cycle.
 
-use super::fault::{AxisIndex, BusIndex, DeviceIndex, Fault, Names};
+use super::fault::{AxisIndex, BlockCause, BusIndex, DeviceIndex, Fault, Names};
 use super::functions::Switch;
 use super::homing::{HomingFailure, LostReference, NotRecalled};
 use super::inputs::InputIndex;
@@ -660,7 +660,7 @@ impl Event {
             ),
             Self::ProgramHomed { line } => format!("line {line}: homed, going on"),
             Self::ProbingFailed { line, failure } => {
-                Fault::Probing { line, failure }.describe(names)
+                Fault::Block(line, BlockCause::Probing(failure)).describe(names)
             }
             Self::Touched => Fault::Touched.describe(names),
             _ => return None,

@@ -24,7 +24,8 @@ pub type AxisIndex = usize;
 /// A bus by its place in the machine file.
 pub type BusIndex = usize;
 
-/// What stopped the machine. It stays stopped until a person starts it again.
+/// What stopped the machine: a subject and what it did. Subjects that can do but one thing have no causes of their own. The
+/// machine stays stopped until a person starts it again.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
     /// A device, or what has its node id.
@@ -33,6 +34,10 @@ pub enum Fault {
     Axis(AxisIndex, AxisCause),
     /// A bus.
     Bus(BusIndex, BusCause),
+    /// The spindle.
+    Spindle(SpindleCause),
+    /// A block of the program, by its line.
+    Block(u32, BlockCause),
     /// The cycle woke up too late, and the run is strict about it.
     LateWakeUp {
         /// How late, ns.
@@ -44,40 +49,6 @@ pub enum Fault {
     NotEnabled {
         /// Which input.
         input: InputIndex,
-    },
-    /// An axis is not referenced, which the program needs.
-    Unreferenced(AxisIndex),
-    /// An axis could not be homed before the program.
-    Homing(AxisIndex, HomingFailure),
-    /// The program could not probe.
-    Probing {
-        /// Program line.
-        line: u32,
-        /// Why.
-        failure: ProbeFailure,
-    },
-    /// A thread could not be cut.
-    Thread {
-        /// Program line.
-        line: u32,
-        /// Why.
-        failure: ThreadFailure,
-    },
-    /// The spindle, which its drive turns, fell away from its speed while the path cut.
-    SpindleSpeed {
-        /// How fast it turned, 1/min, negative counterclockwise.
-        speed: f64,
-        /// What it was told.
-        told: f64,
-        /// By how much it might differ, 1/min.
-        allowed: f64,
-    },
-    /// The spindle was turned away from the angle that it was oriented to, while the path moved.
-    SpindleAngle {
-        /// By how much, degrees, negative counterclockwise.
-        off: f64,
-        /// By how much it might, degrees.
-        allowed: f64,
     },
     /// The probe touched something, or a tool the tool setter, while the axes moved for something else.
     Touched,
@@ -304,6 +275,10 @@ impl DeviceCause {
 /// What an axis did.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AxisCause {
+    /// It is not referenced, which the program needs.
+    Unreferenced,
+    /// It could not be homed before the program.
+    Homing(HomingFailure),
     /// It stands outside its soft limits at the start.
     OutsideSoftLimits {
         /// Where it stands, mm.
@@ -376,6 +351,44 @@ pub enum AxisCause {
         /// The encoder's position minus the drives', mm.
         difference: f64,
     },
+}
+
+/// What the spindle did, which its drive turns.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum SpindleCause {
+    /// It fell away from its speed while the path cut.
+    #[error(
+        "the spindle turned with {speed:.0} 1/min in a cut, told were {told:.0} ± {allowed:.0} 1/min: look for what \
+         holds it back, tool, feed and depth of the cut, and at its drive"
+    )]
+    Speed {
+        /// How fast it turned, 1/min, negative counterclockwise.
+        speed: f64,
+        /// What it was told.
+        told: f64,
+        /// By how much it might differ, 1/min.
+        allowed: f64,
+    },
+    /// It was turned away from the angle that it was oriented to, while the path moved.
+    #[error(
+        "the oriented spindle was {off:.2}° away from its angle, allowed is {allowed}°, while axes moved: look for \
+         what turns it, and at its drive"
+    )]
+    Angle {
+        /// By how much, degrees, negative counterclockwise.
+        off: f64,
+        /// By how much it might, degrees.
+        allowed: f64,
+    },
+}
+
+/// Why a block of the program could not be executed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum BlockCause {
+    /// It could not probe.
+    Probing(ProbeFailure),
+    /// It could not cut a thread.
+    Thread(ThreadFailure),
 }
 
 /// What went wrong with a bus.
@@ -497,12 +510,14 @@ impl Fault {
     pub fn excess(&self, names: &impl Names) -> Option<(f64, f64, &'static str)> {
         let (axis, cause) = match *self {
             Self::Axis(axis, cause) => (axis, cause),
-            Self::SpindleSpeed {
+            Self::Spindle(SpindleCause::Speed {
                 speed,
                 told,
                 allowed,
-            } => return Some(((speed - told).abs(), allowed, "1/min")),
-            Self::SpindleAngle { off, allowed } => return Some((off.abs(), allowed, "°")),
+            }) => return Some(((speed - told).abs(), allowed, "1/min")),
+            Self::Spindle(SpindleCause::Angle { off, allowed }) => {
+                return Some((off.abs(), allowed, "°"));
+            }
             _ => return None,
         };
         let AxisSpec { limits, unit, .. } = names.axis(axis);
@@ -519,7 +534,9 @@ impl Fault {
             AxisCause::NotAcknowledged { .. }
             | AxisCause::NotHalted { .. }
             | AxisCause::LimitSwitch { .. }
-            | AxisCause::TestMove { .. } => return None,
+            | AxisCause::TestMove { .. }
+            | AxisCause::Unreferenced
+            | AxisCause::Homing(_) => return None,
             AxisCause::FeedbackDifference { difference } => {
                 (difference.abs(), names.axis(axis).feedback?.difference)
             }
@@ -553,6 +570,8 @@ impl Fault {
             }
             Self::Axis(axis, cause) => cause.describe(names.axis(axis)),
             Self::Bus(bus, cause) => format!("bus {}: {cause}", names.bus(bus)),
+            Self::Spindle(cause) => cause.to_string(),
+            Self::Block(line, cause) => format!("line {line}: {}", cause.describe(names)),
             Self::LateWakeUp { late_ns } => format!(
                 "the cycle woke up {:.3} ms late, and --strict allows none",
                 late_ns as f64 * 1e-6
@@ -563,29 +582,6 @@ impl Fault {
             Self::NotEnabled { input } => format!(
                 "the enabling input \"{}\" is off: switch it on and start again",
                 names.input(input)
-            ),
-            Self::Unreferenced(axis) => format!(
-                "axis {} is not referenced: let it be homed by `at_start` in [homing], or home it in \
-                 `syncline console`",
-                names.axis(axis).name
-            ),
-            Self::Homing(axis, failure) => failure.describe(names.axis(axis)),
-            Self::Probing { line, failure } => {
-                let failure = failure.describe(|axis| names.axis(axis).name.clone());
-                format!("line {line}: {failure}")
-            }
-            Self::Thread { line, failure } => format!("line {line}: {}", failure.describe()),
-            Self::SpindleSpeed {
-                speed,
-                told,
-                allowed,
-            } => format!(
-                "the spindle turned with {speed:.0} 1/min in a cut, told were {told:.0} ± {allowed:.0} 1/min: look for what \
-                 holds it back, tool, feed and depth of the cut, and at its drive"
-            ),
-            Self::SpindleAngle { off, allowed } => format!(
-                "the oriented spindle was {off:.2}° away from its angle, allowed is {allowed}°, while axes moved: look for \
-                 what turns it, and at its drive"
             ),
             Self::Touched => {
                 "the probe touched something, or a tool the tool setter, while nobody probed: move away, and look \
@@ -608,6 +604,11 @@ impl AxisCause {
             name, unit, limits, ..
         } = axis;
         match self {
+            Self::Unreferenced => format!(
+                "axis {name} is not referenced: let it be homed by `at_start` in [homing], or home it in \
+                 `syncline console`"
+            ),
+            Self::Homing(failure) => failure.describe(axis),
             Self::OutsideSoftLimits { position } => {
                 let (least, most) = limits.position;
                 format!(
@@ -684,6 +685,15 @@ impl AxisCause {
                 unit = quantity.unit(unit),
                 limit = quantity.limit(limits),
             ),
+        }
+    }
+}
+
+impl BlockCause {
+    fn describe(self, names: &impl Names) -> String {
+        match self {
+            Self::Probing(failure) => failure.describe(|axis| names.axis(axis).name.clone()),
+            Self::Thread(failure) => failure.describe(),
         }
     }
 }

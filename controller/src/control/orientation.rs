@@ -16,6 +16,7 @@
 //! spindle that is not there in time is an operator's pause: cycle start waits for it once more, since nothing that needs an
 //! angle is to go on without it.
 
+use super::fault::SpindleCause;
 use super::layout::{OrientationSpec, SpindleSpec};
 use super::{Controller, Event, Fault, Pause, Phase};
 use crate::machine::TURN;
@@ -194,7 +195,7 @@ impl<const N: usize> Controller<N> {
         let most = self.cycles(self.layout.speed_loss);
         let is_off = (self.orienter.0).is_some_and(|it| it.off > most);
         match self.off_angle().filter(|_| moves && is_off) {
-            Some((off, allowed)) => Err(Fault::SpindleAngle { off, allowed }),
+            Some((off, allowed)) => Err(Fault::Spindle(SpindleCause::Angle { off, allowed })),
             None => Ok(()),
         }
     }

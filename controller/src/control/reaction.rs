@@ -9,7 +9,7 @@
 //! it is, and every axis of a machine whose file says `stop_together`. Where nothing moves yet, and no setpoint is
 //! followed, every fault leads to disabled drives by the ordinary way down.
 
-use super::fault::{AxisCause, BusCause, DeviceCause, Fault};
+use super::fault::{AxisCause, BlockCause, BusCause, DeviceCause, Fault, SpindleCause};
 use super::layout::Layout;
 use std::fmt;
 
@@ -195,6 +195,7 @@ impl Fault {
                 | AxisCause::NotHalted { .. } => Cause::FollowingError,
                 AxisCause::Jump { .. } => Cause::Jump,
                 AxisCause::SetpointGuard { .. } => Cause::SetpointGuard,
+                AxisCause::Unreferenced | AxisCause::Homing(_) => Cause::Unreferenced,
             },
             Self::Bus(_, cause) => match cause {
                 BusCause::LateSetpoints { .. } | BusCause::TornBurst => Cause::Setpoints,
@@ -204,11 +205,10 @@ impl Fault {
             },
             Self::LateWakeUp { .. } => Cause::LateWakeUp,
             Self::Program => Cause::Program,
-            Self::Unreferenced(_) | Self::Homing(..) => Cause::Unreferenced,
-            Self::Probing { .. } | Self::Touched => Cause::Probing,
-            Self::Thread { .. } => Cause::Thread,
-            Self::SpindleSpeed { .. } => Cause::SpindleSpeed,
-            Self::SpindleAngle { .. } => Cause::SpindleAngle,
+            Self::Spindle(SpindleCause::Speed { .. }) => Cause::SpindleSpeed,
+            Self::Spindle(SpindleCause::Angle { .. }) => Cause::SpindleAngle,
+            Self::Block(_, BlockCause::Probing(_)) | Self::Touched => Cause::Probing,
+            Self::Block(_, BlockCause::Thread(_)) => Cause::Thread,
             Self::NotEnabled { .. } => Cause::EnableLost,
             Self::NoPlan => Cause::NoPlan,
         }

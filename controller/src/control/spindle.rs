@@ -12,6 +12,7 @@
 //! A spindle that has had its speed has to keep it while the path cuts, be it turned by a drive or by something that tells by an
 //! input whether it is at speed.
 
+use super::fault::SpindleCause;
 use super::inputs::AT_SPEED_BEFORE;
 use super::layout::{Layout, SpindleSpec};
 use super::{Controller, Event, Fault, Phase, Request};
@@ -289,11 +290,11 @@ impl<const N: usize> Controller<N> {
             return Ok(());
         }
         if let Some((spindle, sample)) = self.layout.spindle.zip(self.sample_spindle()) {
-            return Err(Fault::SpindleSpeed {
+            return Err(Fault::Spindle(SpindleCause::Speed {
                 speed: sample.speed,
                 told,
                 allowed: spindle.window(told),
-            });
+            }));
         }
         if self.state().allows(Request::FeedHold) {
             // Who goes on without it does so until it comes again.

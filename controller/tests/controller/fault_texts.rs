@@ -4,7 +4,9 @@ use std::path::Path;
 use syncline_canopen::emcy::Emergency;
 use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::{Address, NodeId, nmt};
-use syncline_controller::control::fault::{AwaitedState, AxisCause, BusCause, DeviceCause};
+use syncline_controller::control::fault::{
+    AwaitedState, AxisCause, BlockCause, BusCause, DeviceCause, SpindleCause,
+};
 use syncline_controller::control::{
     Fault, HomingFailure, Layout, ProbeFailure, Quantity, ThreadFailure,
 };
@@ -283,59 +285,59 @@ texts! {
     Fault::NotEnabled { .. }, Fault::NotEnabled { input: 0 },
     "the enabling input \"enable\" is off: switch it on and start again";
 
-    Fault::Unreferenced(_), Fault::Unreferenced(1),
+    Fault::Axis(_, AxisCause::Unreferenced), Fault::Axis(1, AxisCause::Unreferenced),
     "axis Y is not referenced: let it be homed by `at_start` in [homing], or home it in `syncline \
      console`";
 
-    Fault::Homing(..), Fault::Homing(1, HomingFailure::NoSignal),
+    Fault::Axis(_, AxisCause::Homing(_)), Fault::Axis(1, AxisCause::Homing(HomingFailure::NoSignal)),
     "axis Y is not homed";
 
-    Fault::Probing { failure: ProbeFailure::Closed, .. }, Fault::Probing { line: 7, failure: ProbeFailure::Closed },
+    Fault::Block(_, BlockCause::Probing(ProbeFailure::Closed)), Fault::Block(7, BlockCause::Probing(ProbeFailure::Closed)),
     "line 7: there is contact before the probing: move away first, and check `active_low`";
 
-    Fault::Probing { failure: ProbeFailure::Open, .. }, Fault::Probing { line: 7, failure: ProbeFailure::Open },
+    Fault::Block(_, BlockCause::Probing(ProbeFailure::Open)), Fault::Block(7, BlockCause::Probing(ProbeFailure::Open)),
     "line 7: there is no contact that could be lost: check the probe's wiring and `active_low`";
 
-    Fault::Probing { failure: ProbeFailure::NoContact, .. }, Fault::Probing { line: 7, failure: ProbeFailure::NoContact },
+    Fault::Block(_, BlockCause::Probing(ProbeFailure::NoContact)), Fault::Block(7, BlockCause::Probing(ProbeFailure::NoContact)),
     "line 7: no contact came on the whole way: check where the work is, and the probe's wiring; G38.3 goes on without one";
 
-    Fault::Probing { failure: ProbeFailure::Stuck, .. }, Fault::Probing { line: 7, failure: ProbeFailure::Stuck },
+    Fault::Block(_, BlockCause::Probing(ProbeFailure::Stuck)), Fault::Block(7, BlockCause::Probing(ProbeFailure::Stuck)),
     "line 7: the contact stayed on the whole way: check whether the probe sticks; G38.5 goes on with it";
 
-    Fault::Probing { failure: ProbeFailure::NoSignal, .. }, Fault::Probing { line: 7, failure: ProbeFailure::NoSignal },
+    Fault::Block(_, BlockCause::Probing(ProbeFailure::NoSignal)), Fault::Block(7, BlockCause::Probing(ProbeFailure::NoSignal)),
     "line 7: the probe's level is not known: check the device that it is wired to";
 
-    Fault::Probing { failure: ProbeFailure::TooFast { .. }, .. }, Fault::Probing { line: 7, failure: ProbeFailure::TooFast { overtravel: 3.25, allowed: 2.0 } },
+    Fault::Block(_, BlockCause::Probing(ProbeFailure::TooFast { .. })), Fault::Block(7, BlockCause::Probing(ProbeFailure::TooFast { overtravel: 3.25, allowed: 2.0 })),
     "line 7: the axes would go on for 3.250 mm behind the contact, 2 mm are allowed: lower F, or raise `overtravel` in [probing] if the probe bears it";
 
-    Fault::Probing { failure: ProbeFailure::OtherEdge { .. }, .. }, Fault::Probing { line: 7, failure: ProbeFailure::OtherEdge { axis: 1 } },
+    Fault::Block(_, BlockCause::Probing(ProbeFailure::OtherEdge { .. })), Fault::Block(7, BlockCause::Probing(ProbeFailure::OtherEdge { axis: 1 })),
     "line 7: a drive of axis Y captured another place than the one where the contact came: check whether the probe bounces, and which input it is wired to, or set `latch = false` in [probing]";
 
-    Fault::Probing { failure: ProbeFailure::NotSettled { .. }, .. }, Fault::Probing { line: 7, failure: ProbeFailure::NotSettled { axis: 1 } },
+    Fault::Block(_, BlockCause::Probing(ProbeFailure::NotSettled { .. })), Fault::Block(7, BlockCause::Probing(ProbeFailure::NotSettled { axis: 1 })),
     "line 7: axis Y does not settle within its `standstill_window` behind the motion: check what holds it back, and whether the window is wide enough for it";
 
-    Fault::Probing { failure: ProbeFailure::Refused(_), .. }, Fault::Probing { line: 7, failure: ProbeFailure::Refused(JogError::NoSpeed) },
+    Fault::Block(_, BlockCause::Probing(ProbeFailure::Refused(_))), Fault::Block(7, BlockCause::Probing(ProbeFailure::Refused(JogError::NoSpeed))),
     "line 7: the speed or the rapid override is 0: raise it, or correct where the probing leads";
 
-    Fault::Thread { failure: ThreadFailure::NotTurning, .. }, Fault::Thread { line: 7, failure: ThreadFailure::NotTurning },
+    Fault::Block(_, BlockCause::Thread(ThreadFailure::NotTurning)), Fault::Block(7, BlockCause::Thread(ThreadFailure::NotTurning)),
     "line 7: the spindle does not turn as it is told to, or not evenly: look at its drive, and for what holds it back";
 
-    Fault::Thread { failure: ThreadFailure::LostStep(LostStep::TooFast { .. }), .. },
-    Fault::Thread { line: 7, failure: ThreadFailure::LostStep(LostStep::TooFast { wanted: 26.0, allowed: 25.0 }) },
+    Fault::Block(_, BlockCause::Thread(ThreadFailure::LostStep(LostStep::TooFast { .. }))),
+    Fault::Block(7, BlockCause::Thread(ThreadFailure::LostStep(LostStep::TooFast { wanted: 26.0, allowed: 25.0 }))),
     "line 7: the spindle is too fast for the axes: it asks for 26.00 mm/s along the thread, they go 25.00 mm/s at most: lower S";
 
-    Fault::Thread { failure: ThreadFailure::LostStep(LostStep::Behind { .. }), .. },
-    Fault::Thread { line: 7, failure: ThreadFailure::LostStep(LostStep::Behind { distance: 0.125 }) },
+    Fault::Block(_, BlockCause::Thread(ThreadFailure::LostStep(LostStep::Behind { .. }))),
+    Fault::Block(7, BlockCause::Thread(ThreadFailure::LostStep(LostStep::Behind { distance: 0.125 }))),
     "line 7: the axes cannot follow the spindle, they are 0.125 mm away from where it wants them: look for what makes its speed change, or lower S";
 
-    Fault::Thread { failure: ThreadFailure::LostStep(LostStep::TooDeep), .. },
-    Fault::Thread { line: 7, failure: ThreadFailure::LostStep(LostStep::TooDeep) },
+    Fault::Block(_, BlockCause::Thread(ThreadFailure::LostStep(LostStep::TooDeep))),
+    Fault::Block(7, BlockCause::Thread(ThreadFailure::LostStep(LostStep::TooDeep))),
     "line 7: the spindle was told to turn round, and does not stand where the thread ends: look at its drive, and whether `ramp_ms` in [spindle] is what it can";
 
-    Fault::SpindleSpeed { .. }, Fault::SpindleSpeed { speed: -1803.4, told: -2400.0, allowed: 72.0 },
+    Fault::Spindle(SpindleCause::Speed { .. }), Fault::Spindle(SpindleCause::Speed { speed: -1803.4, told: -2400.0, allowed: 72.0 }),
     "the spindle turned with -1803 1/min in a cut, told were -2400 ± 72 1/min: look for what holds it back, tool, feed and depth of the cut, and at its drive";
 
-    Fault::SpindleAngle { .. }, Fault::SpindleAngle { off: -3.418, allowed: 0.5 },
+    Fault::Spindle(SpindleCause::Angle { .. }), Fault::Spindle(SpindleCause::Angle { off: -3.418, allowed: 0.5 }),
     "the oriented spindle was -3.42° away from its angle, allowed is 0.5°, while axes moved: look for what turns it, and at its drive";
 
     Fault::Touched, Fault::Touched,
@@ -422,7 +424,7 @@ fn every_failure_of_a_homing_has_its_text() {
              `max_distance`",
         ),
     ] {
-        let told = Fault::Homing(0, failure).describe(&router);
+        let told = Fault::Axis(0, AxisCause::Homing(failure)).describe(&router);
         assert_eq!(told, format!("axis X is not homed: {text}"));
     }
 }
@@ -467,7 +469,7 @@ fn every_failure_on_a_hard_stop_has_its_text() {
              cut off with the controller, or lower `torque`",
         ),
     ] {
-        let told = Fault::Homing(1, failure).describe(&router);
+        let told = Fault::Axis(1, AxisCause::Homing(failure)).describe(&router);
         assert_eq!(told, format!("axis Y is not homed: {text}"));
     }
 }

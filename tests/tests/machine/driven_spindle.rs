@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use proptest::sample::select;
 use syncline_canopen::{CobId, NodeId};
-use syncline_controller::control::fault::DeviceCause;
+use syncline_controller::control::fault::{DeviceCause, SpindleCause};
 use syncline_controller::control::{End, Event, Fault, Pause, Phase, Row, State};
 use syncline_controller::machine::{COORDINATES, Machine};
 use syncline_controller::program::Programs;
@@ -501,7 +501,7 @@ fn first_bad_cut(rig: &Rig, loss: f64) -> Option<usize> {
 }
 
 fn lost_its_speed(fault: &Fault) -> bool {
-    matches!(fault, Fault::SpindleSpeed { .. })
+    matches!(fault, Fault::Spindle(SpindleCause::Speed { .. }))
 }
 
 /// Held by the material, or with a motor that pulls no longer.
@@ -513,7 +513,7 @@ fn a_cut_whose_spindle_falls_away_stops_on_the_path() {
         rig.twin(SPINDLE).disturb(hinders);
         let before = rig.rows.len();
         let fault = rig.finish_with_fault();
-        let Fault::SpindleSpeed { speed, told, .. } = fault else {
+        let Fault::Spindle(SpindleCause::Speed { speed, told, .. }) = fault else {
             panic!("{fault:?}")
         };
         assert!(told == 2400.0 && speed < 2400.0 - 72.0, "{fault:?}");

@@ -4,6 +4,7 @@
 use proptest::prelude::*;
 use proptest::sample::select;
 use syncline_canopen::{CobId, Frame, NodeId};
+use syncline_controller::control::fault::SpindleCause;
 use syncline_controller::control::{End, Fault, Row, State};
 use syncline_controller::machine::COORDINATES;
 use syncline_controller::session::{Command, Override};
@@ -158,7 +159,7 @@ fn a_spindle_that_stands_or_turns_round_stops_the_machine() {
         let fault = rig.finish_with_fault();
         let told = matches!(
             fault,
-            Fault::SpindleSpeed { .. } | Fault::Device(SPINDLE, _)
+            Fault::Spindle(SpindleCause::Speed { .. }) | Fault::Device(SPINDLE, _)
         );
         assert!(told, "{fault:?}");
         assert!(x(&rig) < 24.0, "{}", x(&rig));

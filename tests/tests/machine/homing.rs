@@ -2,6 +2,7 @@
 
 use proptest::prelude::*;
 use std::ops::Range;
+use syncline_controller::control::fault::AxisCause;
 use syncline_controller::control::{
     Event, Fault, HomingFailure, Phase, Refusal as OrderRefusal, State,
 };
@@ -137,12 +138,15 @@ fn a_run_homes_first_where_the_file_says_so() {
     assert_eq!(summary.verdict, "pass", "{:?}", summary.violations);
     let no = ("at_start = true", "at_start = false");
     let mut rig = Rig::new("router", &[no], program, |_, _| ());
-    assert_eq!(rig.finish_with_fault(), Fault::Unreferenced(0));
+    assert_eq!(
+        rig.finish_with_fault(),
+        Fault::Axis(0, AxisCause::Unreferenced)
+    );
     let absent = ("active_low = true\nsimulated = [3.0, 40.0]", "");
     let mut rig = Rig::new("router", &[absent], program, |_, _| ());
     assert_eq!(
         rig.finish_with_fault(),
-        Fault::Homing(2, HomingFailure::NotFound)
+        Fault::Axis(2, AxisCause::Homing(HomingFailure::NotFound))
     );
 }
 

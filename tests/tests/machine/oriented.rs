@@ -5,6 +5,7 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CobId, Frame, Instant, NodeId};
+use syncline_controller::control::fault::SpindleCause;
 use syncline_controller::control::{End, Event, Fault, Pause, State};
 use syncline_controller::session::Command;
 use syncline_drives::twin::Disturbance;
@@ -181,7 +182,10 @@ fn an_oriented_spindle_that_is_turned_away_stops_the_path() {
     rig.twin(SPINDLE).disturb(Disturbance::Block(true));
     slip(&mut rig, 10_000);
     let fault = rig.finish_with_fault();
-    assert!(matches!(fault, Fault::SpindleAngle { .. }), "{fault:?}");
+    assert!(
+        matches!(fault, Fault::Spindle(SpindleCause::Angle { .. })),
+        "{fault:?}"
+    );
     let text = fault.describe(&*rig.layout);
     assert!(
         text.contains("away from its angle, allowed is 0.5°"),

@@ -3,6 +3,7 @@
 use super::replayed::again;
 use proptest::prelude::*;
 use std::process::Stdio;
+use syncline_controller::control::fault::BlockCause;
 use syncline_controller::control::{End, Event, Fault, KnownBy, ProbeFailure, Row, State};
 use syncline_controller::machine::{COORDINATES, Position};
 use syncline_controller::session::{Command, Jog, Override};
@@ -230,7 +231,7 @@ fn go(rig: &mut Rig, command: Command) {
 
 fn failure(rig: &mut Rig) -> ProbeFailure {
     match rig.finish_with_fault() {
-        Fault::Probing { failure, .. } => failure,
+        Fault::Block(_, BlockCause::Probing(failure)) => failure,
         other => panic!("{other:?}"),
     }
 }
@@ -266,10 +267,10 @@ fn what_fails_is_told_by_name() {
     assert!(
         matches!(
             stays.end(),
-            Some(End::Fault(Fault::Probing {
-                failure: ProbeFailure::Stuck,
-                ..
-            }))
+            Some(End::Fault(Fault::Block(
+                _,
+                BlockCause::Probing(ProbeFailure::Stuck)
+            )))
         ),
         "{:?}",
         stays.end()
@@ -842,7 +843,7 @@ proptest! {
         prop_assume!(above.map(|z| probe.clearance([x, y, z])).fold(f64::INFINITY, f64::min) > 1.0);
         let found = contacts(&mut rig);
         let end = rig.end();
-        if let Some(End::Fault(Fault::Probing { failure: ProbeFailure::TooFast { .. }, .. })) = end {
+        if let Some(End::Fault(Fault::Block(_, BlockCause::Probing(ProbeFailure::TooFast { .. })))) = end {
             prop_assert!(case.feed > 1000.0 && found.is_empty());
             return Ok(());
         }
@@ -857,7 +858,7 @@ proptest! {
         if margin > 0.0 {
             prop_assert_eq!(found.len(), 0);
             match end {
-                Some(End::Fault(Fault::Probing { failure: ProbeFailure::NoContact, .. })) => prop_assert!(case.required),
+                Some(End::Fault(Fault::Block(_, BlockCause::Probing(ProbeFailure::NoContact)))) => prop_assert!(case.required),
                 end => prop_assert!(!case.required && end == Some(End::Finished), "{end:?}"),
             }
             return Ok(());

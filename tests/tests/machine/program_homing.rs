@@ -2,6 +2,7 @@
 
 use super::homing::{ALL, Y, errors, failure, go, home, is_referenced, settle, state, switched_on};
 use proptest::prelude::*;
+use syncline_controller::control::fault::AxisCause;
 use syncline_controller::control::{
     Event, Fault, HomingFailure, Refusal as OrderRefusal, Row, State,
 };
@@ -126,7 +127,10 @@ fn a_run_homes_by_its_program() {
         "G28.2 X0 Y0\nG0 X1\nM2\n",
         |_, _| (),
     );
-    assert_eq!(rig.finish_with_fault(), Fault::Unreferenced(2));
+    assert_eq!(
+        rig.finish_with_fault(),
+        Fault::Axis(2, AxisCause::Unreferenced)
+    );
 }
 
 #[test]

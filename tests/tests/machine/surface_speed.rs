@@ -4,6 +4,7 @@
 use proptest::prelude::*;
 use proptest::sample::select;
 use std::f64::consts::TAU;
+use syncline_controller::control::fault::SpindleCause;
 use syncline_controller::control::{End, Fault, Row, State};
 use syncline_controller::machine::COORDINATES;
 use syncline_controller::session::Command;
@@ -148,7 +149,7 @@ fn a_spindle_that_stands_is_told() {
     let fault = rig.finish_with_fault();
     let told = matches!(
         fault,
-        Fault::SpindleSpeed { .. } | Fault::Device(SPINDLE, _)
+        Fault::Spindle(SpindleCause::Speed { .. }) | Fault::Device(SPINDLE, _)
     );
     assert!(told, "{fault:?}");
     assert!(rig.rows.last().unwrap().plan.position[0] > 80.0);

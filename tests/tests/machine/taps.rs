@@ -4,6 +4,7 @@
 use proptest::prelude::*;
 use proptest::sample::select;
 use syncline_canopen::{CobId, Frame, NodeId};
+use syncline_controller::control::fault::BlockCause;
 use syncline_controller::control::{End, Event, Fault, State, ThreadFailure};
 use syncline_controller::machine::Machine;
 use syncline_controller::program::{NoThread, ProgramError, Programs};
@@ -212,7 +213,7 @@ fn failure(rig: &mut Rig) -> ThreadFailure {
     rig.trace().assert_within_limits();
     assert!(rig.ends_at_rest());
     match fault {
-        Fault::Thread { line: 4, failure } => failure,
+        Fault::Block(4, BlockCause::Thread(failure)) => failure,
         other => panic!("{other:?}"),
     }
 }

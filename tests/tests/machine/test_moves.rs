@@ -210,7 +210,10 @@ fn nothing_moves_an_axis_before_its_test_move() {
 fn a_program_does_not_begin_before_it() {
     let not_at_start = ("at_start = true", "unreferenced_jobs = true");
     let mut rig = machine(&[not_at_start], PROGRAM);
-    assert_eq!(rig.finish_with_fault(), Fault::Unreferenced(X));
+    assert_eq!(
+        rig.finish_with_fault(),
+        Fault::Axis(X, AxisCause::Unreferenced)
+    );
 }
 
 /// One that was stopped within its move is not trusted, and neither is one that had been before.

@@ -4,6 +4,7 @@
 use proptest::prelude::*;
 use proptest::sample::select;
 use syncline_canopen::{CobId, Frame, NodeId};
+use syncline_controller::control::fault::BlockCause;
 use syncline_controller::control::{End, Event, Fault, Row, State, ThreadFailure};
 use syncline_controller::machine::{COORDINATES, Machine};
 use syncline_controller::program::{NoThread, ProgramError, Programs};
@@ -459,7 +460,7 @@ fn failure(rig: &mut Rig) -> ThreadFailure {
     rig.trace().assert_within_limits();
     assert!(rig.ends_at_rest());
     match fault {
-        Fault::Thread { line, failure } => {
+        Fault::Block(line, BlockCause::Thread(failure)) => {
             assert_eq!(line, 4);
             failure
         }

@@ -1,6 +1,7 @@
 //! A tool setter: tools measured by programs, and contact that nobody meant.
 
 use proptest::prelude::*;
+use syncline_controller::control::fault::BlockCause;
 use syncline_controller::control::{End, Event, Fault, KnownBy};
 use syncline_controller::machine::Machine;
 use syncline_controller::program::Programs;
@@ -155,7 +156,10 @@ fn contact_while_nobody_probes_stops() {
 fn a_probing_beside_it_fails() {
     let mut rig = rig("DI0", 50.0, "G21 G90\nG0 X88 Y-40\nG38.2 Z-50 F300\nM2\n");
     let fault = rig.finish_with_fault();
-    assert!(matches!(fault, Fault::Probing { .. }), "{fault:?}");
+    assert!(
+        matches!(fault, Fault::Block(_, BlockCause::Probing(_))),
+        "{fault:?}"
+    );
 }
 
 /// G38.2 of a machine that has neither is refused when the program is checked; the setter alone will do.

@@ -3,6 +3,7 @@
 use proptest::prelude::*;
 use proptest::sample::select;
 use syncline_canopen::{CanId, CobId, Frame, NodeId};
+use syncline_controller::control::fault::SpindleCause;
 use syncline_controller::control::{End, Fault, Phase};
 use syncline_controller::machine::Machine;
 use syncline_controller::program::Programs;
@@ -181,7 +182,7 @@ fn a_cut_whose_spindle_falls_away_stops_on_the_path() {
     let before = rig.rows.len();
     let fault = rig.finish_with_fault();
     assert!(
-        matches!(fault, Fault::SpindleSpeed { told, .. } if told == 2400.0),
+        matches!(fault, Fault::Spindle(SpindleCause::Speed { told, .. }) if told == 2400.0),
         "{fault:?}"
     );
     assert!(rig.rows[before..].iter().all(|row| !row.axes[0].by_itself));

@@ -3,6 +3,7 @@
 use super::homing::{self, state, switched_on};
 use proptest::prelude::*;
 use syncline_canopen::CobId;
+use syncline_controller::control::fault::AxisCause;
 use syncline_controller::control::{End, Event, Fault, HomingFailure, Pause, Phase, State, Switch};
 use syncline_controller::session::Command;
 use syncline_drives::twin::{Disturbance, ErrorClass};
@@ -264,7 +265,7 @@ fn a_run_that_homes_does_not_begin_while_a_door_is_open() {
     rig.twin(INPUTS).disturb(Disturbance::Input(DOOR, true));
     assert!(matches!(
         rig.finish_with_fault(),
-        Fault::Homing(_, HomingFailure::DoorOpen)
+        Fault::Axis(_, AxisCause::Homing(HomingFailure::DoorOpen))
     ));
     assert!(rig.rows.iter().all(|row| row.plan.velocity == [0.0; 9]));
 }
@@ -297,7 +298,7 @@ proptest! {
         rig.run_until(|rig| rig.events.iter().any(|it| matches!(it, Event::HomingFailed { .. })));
         prop_assert_eq!(homing::failure(&rig), Some(failure));
         if at_start {
-            prop_assert!(matches!(rig.finish_with_fault(), Fault::Homing(_, it) if it == failure));
+            prop_assert!(matches!(rig.finish_with_fault(), Fault::Axis(_, AxisCause::Homing(it)) if it == failure));
             prop_assert!(rig.ends_at_rest());
             return Ok(());
         }

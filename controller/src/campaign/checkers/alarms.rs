@@ -2,7 +2,7 @@
 
 use super::super::interference::{Interference, ToBus, ToDrive, Traffic};
 use super::{Checker, Found, Scene};
-use crate::control::fault::DeviceCause;
+use crate::control::fault::{AxisCause, DeviceCause};
 use crate::control::{self, Fault, Phase, State};
 use crate::session::{Command, Event};
 use syncline_canopen::{CanId, Instant};
@@ -79,6 +79,7 @@ impl Alarms {
         let drives_of_bus = |bus: usize| scene.drives_of(bus).to_vec();
         let concerned = match fault {
             Fault::Device(drive, _) => vec![*drive],
+            Fault::Axis(_, AxisCause::Unreferenced | AxisCause::Homing(_)) => return,
             Fault::Axis(axis, _) => scene.machine.axes[*axis].drives.clone(),
             Fault::Bus(bus, _) => drives_of_bus(*bus),
             _ => return,

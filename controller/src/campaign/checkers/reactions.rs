@@ -6,7 +6,7 @@
 
 use super::super::interference::{Interference, ToDrive};
 use super::{Checker, Found, Scene};
-use crate::control::fault::{AxisCause, BusCause, DeviceCause};
+use crate::control::fault::{AxisCause, BlockCause, BusCause, DeviceCause, SpindleCause};
 use crate::control::{self, Fault, State};
 use crate::machine::Machine;
 use crate::session::{Command, Event};
@@ -71,6 +71,9 @@ fn row(fault: &Fault) -> (Subject, Row) {
             };
             (Subject::Device(*device), row)
         }
+        Fault::Axis(_, AxisCause::Unreferenced | AxisCause::Homing(_)) => {
+            (Subject::Machine, ("unreferenced", OnPath))
+        }
         Fault::Axis(axis, cause) => {
             let row = match cause {
                 AxisCause::Skew { .. } => ("skew", QuickStopAll),
@@ -98,11 +101,16 @@ fn row(fault: &Fault) -> (Subject, Row) {
         Fault::LateWakeUp { .. } => (Subject::Machine, ("late wake-up", OnPath)),
         Fault::NoPlan => (Subject::Machine, ("no plan", OnPath)),
         Fault::Program => (Subject::Machine, ("program", OnPath)),
-        Fault::Unreferenced(_) | Fault::Homing(..) => (Subject::Machine, ("unreferenced", OnPath)),
-        Fault::Thread { .. } => (Subject::Machine, ("thread", OnPath)),
-        Fault::SpindleSpeed { .. } => (Subject::Machine, ("a spindle off its speed", OnPath)),
-        Fault::SpindleAngle { .. } => (Subject::Machine, ("a spindle off its angle", OnPath)),
-        Fault::Probing { .. } | Fault::Touched => (Subject::Machine, ("probing", OnPath)),
+        Fault::Block(_, BlockCause::Thread(_)) => (Subject::Machine, ("thread", OnPath)),
+        Fault::Spindle(SpindleCause::Speed { .. }) => {
+            (Subject::Machine, ("a spindle off its speed", OnPath))
+        }
+        Fault::Spindle(SpindleCause::Angle { .. }) => {
+            (Subject::Machine, ("a spindle off its angle", OnPath))
+        }
+        Fault::Block(_, BlockCause::Probing(_)) | Fault::Touched => {
+            (Subject::Machine, ("probing", OnPath))
+        }
     }
 }
 

@@ -186,7 +186,7 @@ impl<const N: usize> Controller<N> {
         if policy.at_start {
             let by_hand = |axis: &AxisIndex| self.layout.axes[*axis].homing.is_by_hand();
             if let Some(axis) = missing.clone().find(by_hand) {
-                return Err(Fault::Unreferenced(axis));
+                return Err(Fault::Axis(axis, AxisCause::Unreferenced));
             }
             if let Some(axis) = missing
                 .clone()
@@ -195,7 +195,7 @@ impl<const N: usize> Controller<N> {
             {
                 let failure = HomingFailure::DoorOpen;
                 self.tell(Event::HomingFailed { axis, failure });
-                return Err(Fault::Homing(axis, failure));
+                return Err(Fault::Axis(axis, AxisCause::Homing(failure)));
             }
             let missing = missing.fold(0, |set, axis| set | 1 << axis);
             if missing != 0 {
@@ -209,7 +209,7 @@ impl<const N: usize> Controller<N> {
                 return Err(Fault::Axis(axis, AxisCause::Skew { difference }));
             }
             if !policy.unreferenced_jobs || !self.axes[axis].is_tested() {
-                return Err(Fault::Unreferenced(axis));
+                return Err(Fault::Axis(axis, AxisCause::Unreferenced));
             }
         }
         Ok(())
@@ -354,7 +354,7 @@ impl<const N: usize> Controller<N> {
         if self.stays_on {
             self.enter(Phase::Stop, &mut []);
         } else {
-            self.fail(Fault::Homing(axis, failure));
+            self.fail(Fault::Axis(axis, AxisCause::Homing(failure)));
         }
     }
 

@@ -29,6 +29,7 @@ pub use contact::KnownBy;
 pub use failure::ProbeFailure;
 
 use super::axis::AxisControl;
+use super::fault::BlockCause;
 use super::node::DeviceNode;
 use super::{Controller, Event, Fault, Phase};
 use crate::machine::stopping_distance;
@@ -360,7 +361,7 @@ impl<const N: usize> Controller<N> {
             self.tell(Event::ProbingFailed { line, failure });
             self.enter(Phase::Stop, &mut []);
         } else {
-            self.fail(Fault::Probing { line, failure });
+            self.fail(Fault::Block(line, BlockCause::Probing(failure)));
         }
     }
 }

@@ -18,6 +18,7 @@ mod failure;
 
 pub use failure::ThreadFailure;
 
+use super::fault::BlockCause;
 use super::spindle::turning;
 use super::{Controller, Event, Fault};
 use syncline_canopen::time::Duration;
@@ -237,7 +238,7 @@ impl<const N: usize> Controller<N> {
     pub(super) fn lost_step(&mut self) -> Option<Fault> {
         let failure = ThreadFailure::LostStep(self.threading.lost.take()?);
         let line = self.threading.line;
-        Some(Fault::Thread { line, failure })
+        Some(Fault::Block(line, BlockCause::Thread(failure)))
     }
 
     /// Goes on with a thread by a cycle, as far as that is not a matter of setpoints.
@@ -280,10 +281,10 @@ impl<const N: usize> Controller<N> {
             self.replan_behind(number, None, paused);
             return Ok(());
         }
-        let not_turning = Fault::Thread {
-            line: self.threading.line,
-            failure: ThreadFailure::NotTurning,
-        };
+        let not_turning = Fault::Block(
+            self.threading.line,
+            BlockCause::Thread(ThreadFailure::NotTurning),
+        );
         if follower.has_begun() {
             return match *slow > most_slow {
                 true => Err(not_turning),
