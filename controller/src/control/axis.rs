@@ -506,12 +506,12 @@ impl AxisControl {
 
     /// Looks whether its drives can be sent to what the plan, positions and velocities, has for SYNC `cycle`,
     /// each by its latency. What one of them cannot take is taken by none: they keep their last one.
-    /// Its soft limits count once it is referenced, but not while it is `homing`.
+    /// Its soft limits count once it is referenced, but not `in_homing`.
     pub(super) fn prepare(
         &mut self,
         cycle: u64,
         (positions, velocities): (&[f64], &[f64]),
-        homing: bool,
+        in_homing: bool,
         nodes: &[DeviceNode],
     ) -> Result<(), Fault> {
         self.moves_on = false;
@@ -546,7 +546,7 @@ impl AxisControl {
                 velocity,
                 ..node.setpoint_at(there, side.offset)?
             };
-            let origin = Some(node.origin).filter(|_| self.referenced && !homing);
+            let origin = Some(node.origin).filter(|_| self.referenced && !in_homing);
             let guarded = side.guard.check(side.next.position, origin);
             guarded.map_err(|(quantity, value)| {
                 let cause = AxisCause::SetpointGuard {

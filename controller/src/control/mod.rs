@@ -657,10 +657,10 @@ impl<const N: usize> Controller<N> {
         self.plan(1.0);
         let mut outcome = self.lost_step().map_or(Ok(()), Err);
         let mut move_on = true;
-        let homing = self.homing.is_active();
-        for axis in &mut self.axes {
+        for (index, axis) in self.axes.iter_mut().enumerate() {
             let plan = (&self.planned.position[..], &self.planned.velocity[..]);
-            let prepared = axis.prepare(self.cycle + 1, plan, homing, &self.nodes);
+            let in_homing = self.homing.homes(index);
+            let prepared = axis.prepare(self.cycle + 1, plan, in_homing, &self.nodes);
             if prepared.is_err_and(|fault| fault.cause() == Cause::SetpointGuard) {
                 move_on = false;
                 outcome = prepared;

@@ -97,10 +97,13 @@ impl<const N: usize> Controller<N> {
         }
         let mut samples = [AxisSample::default(); N];
         let mut in_position = self.path_rests();
-        for axis in &self.axes {
+        for (index, axis) in self.axes.iter().enumerate() {
             let sample = axis.sample(self.cycle, &self.nodes);
             in_position &= axis.is_in_position(&sample);
-            samples[axis.coordinate()] = sample;
+            samples[axis.coordinate()] = AxisSample {
+                in_homing: self.homing.homes(index),
+                ..sample
+            };
         }
         self.in_position = if in_position { self.in_position + 1 } else { 0 };
         self.row = Some(Row {

@@ -285,7 +285,7 @@ impl AxisWatches {
         }
         let position = row.plan.position[at];
         let (mut min, mut max) = self.limits.position;
-        if !self.referenced {
+        if !self.referenced || row.axes[at].in_homing {
             (min, max) = (f64::NEG_INFINITY, f64::INFINITY);
         } else if row.cycle != self.next {
             // The encoder's noise of a machine that is frozen at a limit is no violation.

@@ -509,7 +509,15 @@ proptest! {
             let errors = errors(&mut rig, axis);
             prop_assert!(errors.iter().all(|error| error.abs() < 0.01), "{:?}", errors);
         }
+        prop_assert_eq!(violations(rig), [""; 0]);
     }
+}
+
+/// What the judge finds of a machine that is switched off now.
+fn violations(mut rig: Rig) -> Vec<String> {
+    go(&mut rig, Command::SwitchOff);
+    let violations = rig.judge().violations;
+    violations.into_iter().map(|it| it.what).collect()
 }
 
 #[test]
@@ -1041,8 +1049,12 @@ fn judge(case: &Case) -> Result<(), TestCaseError> {
         let (least, most) = rig.machine.axes[2].limits.position;
         let shown = rig.session.status().setpoint[z];
         prop_assert!((least..=most).contains(&shown), "{}", shown);
+        // Once more from there: referenced as it is, it goes as far beyond its soft limits.
+        go(&mut rig, home(Axis::Z));
+        prop_assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
     }
     prop_assert!(rig.ends_at_rest());
+    prop_assert_eq!(violations(rig), [""; 0]);
     Ok(())
 }
 

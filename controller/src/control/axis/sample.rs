@@ -18,4 +18,6 @@ pub struct AxisSample {
     /// Its drives were quick-stopped and come to rest by themselves, or go to a target by themselves: they follow no
     /// setpoint; the one here is the actual position.
     pub by_itself: bool,
+    /// It is being homed: its soft limits do not count, as its switch may be beyond them.
+    pub in_homing: bool,
 }

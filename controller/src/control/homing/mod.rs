@@ -112,6 +112,11 @@ impl Homing {
         before.contains(&self.stage) && has(self.group, axis)
     }
 
+    /// Whether an axis is at work in one, from its search to its final position.
+    pub(super) fn homes(&self, axis: AxisIndex) -> bool {
+        self.is_active() && has(self.group, axis)
+    }
+
     /// Whether an axis of the group does not move, and waits until no other one does.
     fn is_quiet(&self, axis: AxisIndex) -> bool {
         has(self.found, axis)
@@ -123,6 +128,7 @@ impl Homing {
     fn begin(&mut self, axes: AxisSet) {
         self.stage = Stage::Next;
         self.left = axes;
+        self.group = 0;
     }
 }
 
