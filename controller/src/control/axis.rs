@@ -1,5 +1,6 @@
 //! One axis in the cycle: planned position to increments, actual position back, following error.
 
+mod history;
 mod position_loop;
 mod sample;
 mod squaring;
@@ -15,11 +16,10 @@ use super::node::DeviceNode;
 use super::setpoint_guard::SetpointGuard;
 use super::{SIDES_ENABLE, STILL};
 use crate::machine::{AxisLimits, HomingMethod, Kept};
+use history::{History, Planned};
 use squaring::Squaring;
 use syncline_drives::model::{Increments, PowerCommand, Setpoint};
 
-/// Setpoints that are kept to look back by the drives' latency, and for as long as a position may be missing.
-const HISTORY: usize = 64;
 /// Those whose speed counts for what a following error may be.
 const RECENT: u64 = 16;
 /// So many times its greatest velocity no axis moves, also not while it catches up.
@@ -27,35 +27,6 @@ const JUMP: f64 = 1.5;
 
 /// Which way a side goes as the sides come apart.
 const OUTWARDS: [f64; 2] = [-0.5, 0.5];
-
-/// The plan of an axis at one SYNC.
-#[derive(Clone, Copy, Debug, Default)]
-struct Planned {
-    /// mm
-    position: f64,
-    /// mm/s
-    velocity: f64,
-    /// How far the second side is planned beyond the first, mm.
-    apart: f64,
-}
-
-impl Planned {
-    /// Between this one and the `next`, at a part of the way from 0 to 1. As a mean of both it keeps every
-    /// limit that the plan keeps, up to the jerk; it is beside the plan by at most an eighth of the
-    /// acceleration times the square of the cycle.
-    fn towards(self, next: Self, part: f64) -> Self {
-        Self {
-            position: self.position + part * (next.position - self.position),
-            velocity: self.velocity + part * (next.velocity - self.velocity),
-            apart: self.apart + part * (next.apart - self.apart),
-        }
-    }
-
-    /// The position of a side, mm.
-    fn of_side(self, side: usize) -> f64 {
-        self.position + OUTWARDS[side] * self.apart
-    }
-}
 
 /// What one side of an axis keeps.
 #[derive(Clone, Debug)]
@@ -87,8 +58,8 @@ pub(super) struct AxisControl {
     recalled: bool,
     /// Its drives can be sent on with the plan; otherwise it stays.
     moves_on: bool,
-    /// The plan by cycle, newest at `cycle % HISTORY`.
-    planned: [Planned; HISTORY],
+    /// What it was planned to do lately.
+    history: History,
     /// See [`Layout::lag`].
     lag: f64,
     /// If it goes point to point.
@@ -135,7 +106,7 @@ impl AxisControl {
             recalled: false,
             spec,
             moves_on: false,
-            planned: [Planned::default(); HISTORY],
+            history: History::at_rest(Planned::default()),
             lag: layout.lag,
             squaring: None,
             half_enabled: 0,
@@ -303,11 +274,11 @@ impl AxisControl {
 
     /// Is planned to rest there, and goes nowhere.
     pub(super) fn rest(&mut self, position: f64, apart: f64) {
-        self.planned = [Planned {
+        self.history = History::at_rest(Planned {
             position,
             velocity: 0.0,
             apart,
-        }; HISTORY];
+        });
         self.squaring = None;
         if let Some(place) = &mut self.point_to_point {
             *place = Place {
@@ -485,23 +456,31 @@ impl AxisControl {
     /// SYNC `cycle` and those after it, `lost` in all, were left out: the next one latches what
     /// `cycle` would have, and the drives went on meanwhile.
     pub(super) fn lose_cycles(&mut self, cycle: u64, lost: u64) {
-        self.repeat(cycle, lost);
+        self.history.lose_cycles(cycle, lost);
+        if let Some(squaring) = self.squaring.as_mut().filter(|_| lost > 1) {
+            squaring.wait(lost);
+        }
         for (_, ago) in self.sides.iter_mut().filter_map(|side| side.seen.as_mut()) {
             *ago = ago.saturating_add(u32::try_from(lost).unwrap_or(u32::MAX));
         }
     }
 
-    /// The setpoint of SYNC `cycle` holds for so many more.
-    fn repeat(&mut self, cycle: u64, lost: u64) {
-        let planned = self.planned(cycle, 0.0);
-        for next in (cycle + 1..=cycle + lost).rev().take(HISTORY) {
-            self.planned[next as usize % HISTORY] = planned;
-        }
+    /// The plan, positions and velocities, for SYNC `cycle`, which is left out: the next setpoint may be further away.
+    pub(super) fn leave_out(&mut self, cycle: u64, plan: (&[f64], &[f64])) {
+        self.history.leave_out(self.planned_at(cycle, plan));
+        self.sides.iter_mut().for_each(|side| side.guard.forget());
     }
 
-    /// Setpoints of the plan were left out: the next one may be further away.
-    pub(super) fn leave_out(&mut self) {
-        self.sides.iter_mut().for_each(|side| side.guard.forget());
+    /// Its share of the plan, positions and velocities, for SYNC `cycle`.
+    fn planned_at(&self, cycle: u64, (positions, velocities): (&[f64], &[f64])) -> Planned {
+        Planned {
+            position: positions[self.spec.coordinate],
+            velocity: velocities[self.spec.coordinate],
+            apart: match &self.squaring {
+                Some(squaring) => squaring.apart(cycle, self.period),
+                None => self.apart(cycle - 1),
+            },
+        }
     }
 
     /// Looks whether its drives can be sent to what the plan, positions and velocities, has for SYNC `cycle`,
@@ -510,7 +489,7 @@ impl AxisControl {
     pub(super) fn prepare(
         &mut self,
         cycle: u64,
-        (positions, velocities): (&[f64], &[f64]),
+        plan: (&[f64], &[f64]),
         in_homing: bool,
         nodes: &[DeviceNode],
     ) -> Result<(), Fault> {
@@ -521,25 +500,18 @@ impl AxisControl {
         if let Some(place) = self.point_to_point {
             let setpoint = nodes[self.drive()].setpoint;
             self.sides[0].next = place.target.map_or(setpoint, Setpoint::at);
-            self.planned[cycle as usize % HISTORY] = Planned {
+            self.history.propose(Planned {
                 position: place.at,
                 ..Planned::default()
-            };
+            });
             self.moves_on = true;
             return Ok(());
         }
-        self.planned[cycle as usize % HISTORY] = Planned {
-            position: positions[self.spec.coordinate],
-            velocity: velocities[self.spec.coordinate],
-            apart: match &self.squaring {
-                Some(squaring) => squaring.apart(cycle, self.period),
-                None => self.apart(cycle - 1),
-            },
-        };
+        self.history.propose(self.planned_at(cycle, plan));
         for index in 0..self.sides.len() {
             let drive = self.spec.drives[index];
             let node = &nodes[drive];
-            let there = self.planned(cycle, node.delay()).of_side(index);
+            let there = self.history.proposed(node.delay()).of_side(index);
             let velocity = self.velocity(cycle, index, nodes);
             let side = &mut self.sides[index];
             side.next = Setpoint {
@@ -565,7 +537,7 @@ impl AxisControl {
     /// keep their last position.
     pub(super) fn hand_over(&mut self, cycle: u64, move_on: bool, nodes: &mut [DeviceNode]) {
         if !(self.moves_on && move_on) {
-            self.repeat(cycle - 1, 1);
+            self.history.propose_rest();
             let (quick_stopped, homes) = (self.is_quick_stopped(nodes), self.homes(nodes));
             for (side, &drive) in self.spec.drives.iter().enumerate() {
                 if quick_stopped {
@@ -576,8 +548,9 @@ impl AxisControl {
                     nodes[drive].setpoint.velocity = self.velocity(cycle, side, nodes);
                 }
             }
-            return;
+            return self.history.hand_over(cycle);
         }
+        self.history.hand_over(cycle);
         for (side, &drive) in self.sides.iter_mut().zip(&self.spec.drives) {
             nodes[drive].setpoint = side.next;
             side.guard.push(side.next.position);
@@ -616,7 +589,7 @@ impl AxisControl {
             let act = self.actual(cycle, side, nodes);
             let following_error = self.due(cycle, side, nodes) - act;
             if side == 0 || following_error.abs() > worst.following_error.abs() {
-                worst.set = self.planned(cycle, nodes[drive].delay()).position;
+                worst.set = self.history.latched(cycle, nodes[drive].delay()).position;
                 worst.act = act;
                 worst.following_error = following_error;
             }
@@ -629,7 +602,8 @@ impl AxisControl {
     fn speed(&self, cycle: u64) -> f64 {
         let steps = (1..RECENT).map(|back| {
             let before = cycle.wrapping_sub(back);
-            let [there, here] = [before.wrapping_add(1), before].map(|at| self.planned(at, 0.0));
+            let [there, here] =
+                [before.wrapping_add(1), before].map(|at| self.history.planned(at, 0.0));
             (there.position - here.position).abs()
         });
         steps.fold(0.0, f64::max) / self.period

@@ -652,7 +652,10 @@ impl<const N: usize> Controller<N> {
     fn plan_axes(&mut self) -> Result<(), Fault> {
         if take(&mut self.left_out) {
             self.plan(0.0);
-            self.axes.iter_mut().for_each(AxisControl::leave_out);
+            let plan = (&self.planned.position[..], &self.planned.velocity[..]);
+            for axis in &mut self.axes {
+                axis.leave_out(self.cycle, plan);
+            }
         }
         self.plan(1.0);
         let mut outcome = self.lost_step().map_or(Ok(()), Err);

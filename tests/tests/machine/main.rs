@@ -32,6 +32,7 @@ mod judge;
 mod limit_switches;
 mod lines;
 mod losses;
+mod lost_cycles;
 mod low_bits;
 mod measured;
 mod messages;

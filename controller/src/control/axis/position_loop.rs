@@ -2,7 +2,7 @@
 //! planned to be when it was last seen.
 
 use super::super::node::DeviceNode;
-use super::{AxisControl, HISTORY, OUTWARDS, Planned};
+use super::{AxisControl, OUTWARDS};
 
 impl AxisControl {
     /// How fast a side is sent to where it has to be: 0 for a drive that is sent positions.
@@ -18,7 +18,7 @@ impl AxisControl {
             return 0.0;
         };
         let [before, there] = [1.0, 0.0].map(|earlier| {
-            let planned = self.planned(cycle, node.delay() + earlier);
+            let planned = self.history.proposed(node.delay() + earlier);
             planned.of_side(side) + dynamics.lag * planned.velocity
         });
         let planned = (there - before) / self.period;
@@ -31,18 +31,6 @@ impl AxisControl {
             0.0
         };
         (node.scaling()).to_increments_per_second(planned + dynamics.gain * error)
-    }
-
-    /// What the plan has `behind` cycles before SYNC `cycle`, a part of a cycle included; the newest 64 are
-    /// kept.
-    pub(super) fn planned(&self, cycle: u64, behind: f64) -> Planned {
-        let behind = behind.min((HISTORY - 2) as f64);
-        let whole = behind as u64;
-        let at = |behind: u64| self.planned[cycle.wrapping_sub(behind) as usize % HISTORY];
-        match behind - whole as f64 {
-            0.0 => at(whole),
-            part => at(whole + 1).towards(at(whole), 1.0 - part),
-        }
     }
 
     /// Where a side is in the plan's frame, mm; `cycle` is that of the last SYNC.
@@ -58,7 +46,9 @@ impl AxisControl {
     /// Where a side should have been at the SYNC of its last sample, mm; `cycle` is that of the last SYNC.
     pub(super) fn due(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
         let age = nodes[self.telling(side)].age();
-        self.planned(cycle, self.lag + f64::from(age)).position
+        self.history
+            .planned(cycle, self.lag + f64::from(age))
+            .position
     }
 
     /// By how much a side was behind that, mm.

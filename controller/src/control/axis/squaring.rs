@@ -25,6 +25,11 @@ impl Squaring {
         cycle.saturating_sub(self.began) as f64 * period - self.later
     }
 
+    /// Goes on so many cycles later, from where it is.
+    pub(super) fn wait(&mut self, cycles: u64) {
+        self.began += cycles;
+    }
+
     /// How far the sides are apart at SYNC `cycle`, mm.
     pub(super) fn apart(&self, cycle: u64, period: f64) -> f64 {
         self.plan.at(self.since(cycle, period)).p
@@ -81,6 +86,6 @@ impl AxisControl {
 
     /// How far its sides are planned apart at SYNC `cycle`, one of the newest.
     pub(super) fn apart(&self, cycle: u64) -> f64 {
-        self.planned(cycle, 0.0).apart
+        self.history.planned(cycle, 0.0).apart
     }
 }

@@ -80,7 +80,7 @@ impl AxisControl {
     ) -> Option<(f64, f64)> {
         let test = self.spec.homing.test_move?;
         let distance = test.distance;
-        let from = self.planned(cycle, 0.0).position;
+        let from = self.history.planned(cycle, 0.0).position;
         let (least, most) = self.spec.limits.position;
         let is_inside = (least..=most).contains(&(from + distance)) || !self.is_placed();
         let mut began = [0.0; 2];
@@ -109,7 +109,7 @@ impl AxisControl {
         let (Test::Out(mut way), Some(test)) = (self.test, self.spec.homing.test_move) else {
             return Ok(());
         };
-        let planned = self.planned(cycle, 0.0);
+        let planned = self.history.planned(cycle, 0.0);
         let rests = planned.velocity == 0.0 && (planned.position - way.to).abs() < 1e-6;
         way.rests = if rests { way.rests + 1 } else { 0 };
         let mut worst = 1.0_f64;

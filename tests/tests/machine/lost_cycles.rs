@@ -1,0 +1,109 @@
+//! Cycles that are lost in mid-motion, on machines whose drives have latencies of their own.
+
+use super::homing::{home, is_referenced, settle, state};
+use proptest::prelude::*;
+use syncline_canopen::time::Duration;
+use syncline_controller::control::fault::AxisCause;
+use syncline_controller::control::{Fault, State};
+use syncline_gcode::Axis;
+use syncline_tests::rig::Rig;
+
+/// The drives of X, on both machines.
+const X1: usize = 0;
+const X2: usize = 1;
+
+/// When a wake-up is late, and by how many cycles.
+type Late = (usize, f64);
+
+/// Moves of X, Y and Z, each slow enough that a lost cycle of it is no following error.
+fn moves() -> impl Strategy<Value = Vec<([f64; 3], f64)>> {
+    let places = [10.0..300.0, 10.0..300.0, -90.0..-1.0];
+    prop::collection::vec((places, 500.0..6000.0), 1..5)
+}
+
+fn program(moves: &[([f64; 3], f64)]) -> String {
+    let line =
+        |([x, y, z], feed): &([f64; 3], f64)| format!("G1 X{x:.3} Y{y:.3} Z{z:.3} F{feed:.0}\n");
+    let lines: String = moves.iter().map(line).collect();
+    format!("G21 G90 G94 G64 P0.1\n{lines}M2\n")
+}
+
+fn is_guarded(fault: &Fault) -> bool {
+    matches!(fault, Fault::Axis(_, AxisCause::SetpointGuard { .. }))
+}
+
+/// Goes on with wake-ups that are late, in turn.
+fn oversleep(rig: &mut Rig, lates: &[Late]) {
+    for &(wake_ups, cycles) in lates {
+        for _ in 0..wake_ups {
+            if !rig.step() {
+                return;
+            }
+        }
+        let by = rig.machine.cycle.as_secs_f64() * cycles;
+        let by = Duration::from_secs_f64(by);
+        rig.session.timeline().wake_late(by);
+    }
+}
+
+/// How often a drive of an axis was sent somewhere that no motion within the axis' limits leads to.
+fn jumps(rig: &Rig, drive: usize, axis: usize) -> usize {
+    let resolution = rig.machine.drives[drive].scaling.resolution();
+    let limits = &rig.machine.axes[axis].limits;
+    let cycle = rig.machine.cycle.as_secs_f64();
+    let most = 1.1 * limits.jerk * cycle.powi(3) / resolution + 4.0;
+    // While it follows them: bit 4 of the controlword.
+    let follows = |it: &(_, u16, i32)| it.1 & 1 << 4 != 0;
+    let commands = rig.commands(drive).into_iter().filter(follows);
+    let sent: Vec<_> = commands.map(|it| f64::from(it.2)).collect();
+    let third = |it: &[f64]| (it[3] - 3.0 * it[2] + 3.0 * it[1] - it[0]).abs();
+    let jumps = (sent.windows(4).enumerate()).filter(|it| third(it.1) > most);
+    let places: Vec<_> = jumps.map(|it| it.0).collect();
+    // A setpoint that is off shows in the three that follow it as well.
+    places.chunk_by(|a, b| b - a <= 3).count()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+
+    /// Drives that are sent the plan later than others, as they answer sooner, leave out the same SYNC as those, whatever the
+    /// latencies are: nothing is sent that an axis may not be sent, before or after.
+    #[test]
+    fn a_lost_cycle_is_left_out_by_all_drives_at_once(
+        moves in moves(), interpolation in 0..=10u32, lag in 0..30_000u32,
+        lates in prop::collection::vec((0..1500usize, 0.0..2.9_f64), 1..4),
+    ) {
+        let models = format!(
+            "[model.lxm32m]\ninterpolation_delay = {interpolation}\n[model.tlc5xx]\nposition_lag_us = {lag}\n[spindle]"
+        );
+        let mut rig = Rig::new("mixed", &[("[spindle]", &models)], &program(&moves), |_, _| ());
+        rig.run_until(|rig| state(rig) == State::Running);
+        oversleep(&mut rig, &lates);
+        rig.finish();
+        let faults = rig.session.faults();
+        // That setpoints were late is one, and what drives make of a SYNC that is late or missing is another.
+        prop_assert!(!faults.iter().any(is_guarded), "{:?}", faults);
+        for drive in [X1, X2] {
+            prop_assert!(jumps(&rig, drive, 0) <= lates.len(), "drive {}: {}", drive, jumps(&rig, drive, 0));
+        }
+    }
+
+    /// Also while the sides of a gantry go to where they belong: they go on from where they were left.
+    #[test]
+    fn the_sides_of_a_gantry_go_on_where_cycles_were_lost(
+        skew in -0.4..0.4_f64, lates in prop::collection::vec((0..60usize, 0.0..2.9_f64), 1..3),
+    ) {
+        let start = format!("start = 180.0\nstart_skew = {skew:?}");
+        let mut rig = Rig::staying_on("router", &[("start = 180.0", &start)], |_, _| ());
+        settle(&mut rig);
+        rig.command(home(Axis::X));
+        rig.run_until(|rig| is_referenced(rig, Axis::X) || state(rig) == State::Ready && rig.rows.len() > 50);
+        oversleep(&mut rig, &lates);
+        settle(&mut rig);
+        let faults = rig.session.faults();
+        prop_assert!(!faults.iter().any(is_guarded), "{:?}", faults);
+        for drive in [X1, X2] {
+            prop_assert!(jumps(&rig, drive, 0) <= lates.len(), "drive {}: {}", drive, jumps(&rig, drive, 0));
+        }
+    }
+}
