@@ -144,7 +144,10 @@ fn two_lost_cycles_are_a_fault_and_the_stop_begins_where_the_plan_was_left() {
     step(&mut machine, &mut plan, Duration::ZERO);
     step(&mut machine, &mut plan, Duration::ZERO);
     let [advance, next] = [after - before, set(&machine) - after];
-    assert!((next - advance).abs() < 0.02, "{advance} mm, then {next} mm");
+    assert!(
+        (next - advance).abs() < 0.02,
+        "{advance} mm, then {next} mm"
+    );
 }
 
 /// How the portal ends with one more drive on its bus, under a node id that is taken, and whether it was

@@ -9,10 +9,10 @@
 use super::OUTWARDS;
 
 /// Steps and cycles that are kept, to look back by the drives' latency and for as long as a position may be missing.
-const KEPT: usize = 64;
+const KEPT: usize = 68;
 /// Of those as many can be looked back: with the next cycle, the next step, and the steps that no SYNC latched, of
 /// which there are two at the most before a fault.
-const FARTHEST: f64 = (KEPT - 5) as f64;
+const FARTHEST: f64 = (KEPT - 6) as f64;
 
 /// The plan of an axis at one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -59,8 +59,8 @@ impl History {
     pub(super) fn at_rest(there: Planned) -> Self {
         Self {
             steps: [there; KEPT],
-            next: 1,
-            latched: [0; KEPT],
+            next: KEPT as u64,
+            latched: [KEPT as u64 - 1; KEPT],
         }
     }
 
