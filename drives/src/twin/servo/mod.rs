@@ -28,6 +28,8 @@ pub mod motor;
 pub mod option_codes;
 pub mod power_stage;
 pub mod ramp;
+#[cfg(test)]
+mod running;
 pub mod segment;
 pub mod shaft;
 pub mod stability;

@@ -5,17 +5,10 @@ use crate::mechanics::drive_train::{DriveTrain, Elasticity};
 use crate::mechanics::friction::Friction;
 use crate::mechanics::mode::Mode;
 use crate::mechanics::rigid::Rigid;
-use crate::twin::random::Random;
-use crate::twin::servo::encoder::{Encoder, EncoderErrors};
 use crate::twin::servo::motor::MOTORS;
-use crate::twin::servo::shaft::{Plant, Shaft};
+use crate::twin::servo::running::{Running, STEP, at};
 use nalgebra::Vector2;
 use proptest::prelude::*;
-use syncline_canopen::Instant;
-
-/// So fine that it is nearly continuous.
-const COUNTS: f64 = 1e9;
-const H: f64 = SPEED_STEP_NS as f64 * 1e-9;
 
 /// Gains without filters.
 fn bare() -> Gains {
@@ -28,66 +21,14 @@ fn bare() -> Gains {
     }
 }
 
-/// A cascade with its axis.
-struct Loops {
-    cascade: Cascade,
-    shaft: Shaft,
-    encoder: Encoder,
-    reading: i64,
-    steps: u32,
-}
-
-impl Loops {
-    fn new(gains: Gains, plant: impl Into<Plant>) -> Self {
-        Self {
-            cascade: Cascade::new(gains, 0),
-            shaft: Shaft::new(plant, 0.0),
-            encoder: Encoder::new(COUNTS, EncoderErrors::default(), Random::new(0, 0)),
-            reading: 0,
-            steps: 0,
-        }
-    }
-
-    fn smooth(gains: Gains) -> Self {
-        let rigid = Rigid {
-            viscous_friction: 0.0,
-            coulomb_friction: 0.0,
-            ..Rigid::default()
-        };
-        Self::new(gains, rigid)
-    }
-
-    /// Seconds since the beginning.
-    fn time(&self) -> f64 {
-        f64::from(self.steps) * H
-    }
-
-    fn step(&mut self, reference: impl Fn(f64) -> Reference) {
-        if self.steps.is_multiple_of(SPEED_STEPS) {
-            let reference = reference(self.time());
-            self.cascade.position_step(reference, self.reading, COUNTS);
-        }
-        let (reference, reading) = (reference(self.time()), self.reading);
-        let torque = (self.cascade).speed_step(reference, reading, COUNTS, H, false);
-        self.shaft.step(Instant::ZERO, H, torque, true);
-        self.reading = self.encoder.read(&self.shaft, 0.0);
-        self.steps += 1;
-    }
-
-    fn run(&mut self, seconds: f64, reference: impl Fn(f64) -> Reference) {
-        for _ in 0..(seconds / H) as usize {
-            self.step(&reference);
-        }
-    }
-}
-
-/// A position in revolutions.
-fn at(position: f64, velocity: f64, acceleration: f64) -> Reference {
-    Reference::Position {
-        position: position * COUNTS,
-        velocity: velocity * COUNTS,
-        acceleration: acceleration * COUNTS,
-    }
+/// Loops of an axis without friction.
+fn smooth(gains: Gains) -> Running {
+    let rigid = Rigid {
+        viscous_friction: 0.0,
+        coulomb_friction: 0.0,
+        ..Rigid::default()
+    };
+    Running::new(gains, rigid)
 }
 
 #[test]
@@ -99,7 +40,7 @@ fn the_lag_at_constant_velocity_is_what_feed_forward_leaves() {
         (80.0, 1.0),
         (60.0, 1.1),
     ] {
-        let mut loops = Loops::smooth(Gains {
+        let mut loops = smooth(Gains {
             position: gain,
             velocity_feed_forward: share,
             ..Gains::default()
@@ -122,7 +63,7 @@ fn the_lag_at_constant_velocity_is_what_feed_forward_leaves() {
 #[test]
 fn acceleration_feed_forward_takes_the_error_of_a_run_up() {
     let peak = |share: f64| {
-        let mut loops = Loops::smooth(Gains {
+        let mut loops = smooth(Gains {
             velocity_feed_forward: 1.0,
             acceleration_feed_forward: share,
             ..Gains::default()
@@ -143,7 +84,7 @@ fn acceleration_feed_forward_takes_the_error_of_a_run_up() {
 #[test]
 fn the_speed_loops_step_is_that_of_its_second_order() {
     for (speed, integral_time) in [(0.16, 0.05), (0.32, 0.02), (0.08, 1e9)] {
-        let mut loops = Loops::smooth(Gains {
+        let mut loops = smooth(Gains {
             speed,
             speed_integral_time: integral_time,
             ..bare()
@@ -156,7 +97,7 @@ fn the_speed_loops_step_is_that_of_its_second_order() {
         for _ in 0..1600 {
             loops.step(|_| Reference::Velocity(1.0));
             // e(0) = 1 and ė(0) = −K/J; half a step goes by until a torque shows in a speed.
-            let t = loops.time() - 0.5 * H;
+            let t = loops.time() - 0.5 * STEP;
             let begin = Vector2::new(1.0, -bandwidth);
             let expected = 1.0 - error.after(t).apply(begin, 0.0).x;
             let found = loops.shaft.velocity();
@@ -170,7 +111,7 @@ fn the_speed_loops_step_is_that_of_its_second_order() {
 fn the_position_loops_step_is_that_of_its_second_order() {
     for position in [10.0, 30.0, 60.0] {
         let speed = 0.8;
-        let mut loops = Loops::smooth(Gains {
+        let mut loops = smooth(Gains {
             position,
             speed,
             speed_integral_time: 1e9,
@@ -196,7 +137,7 @@ fn the_position_loops_step_is_that_of_its_second_order() {
 
 #[test]
 fn a_limited_torque_does_not_wind_up() {
-    let mut loops = Loops::smooth(Gains {
+    let mut loops = smooth(Gains {
         torque_limit: 0.2,
         ..Gains::default()
     });
@@ -216,7 +157,7 @@ fn a_limited_torque_does_not_wind_up() {
 #[test]
 fn friction_compensation_takes_the_dip_of_a_reversal() {
     let dip = |compensation: f64| {
-        let mut loops = Loops::new(
+        let mut loops = Running::new(
             Gains {
                 velocity_feed_forward: 1.0,
                 friction_compensation: compensation,
@@ -275,7 +216,7 @@ fn a_notch_calms_a_resonance() {
             notches: [notch.then_some(shape), None],
             ..Gains::default()
         };
-        let mut loops = Loops::new(gains, train.clone());
+        let mut loops = Running::new(gains, train.clone());
         loops.run(0.4, |_| at(0.001, 0.0, 0.0));
         let mut most = 0.0_f64;
         for _ in 0..1600 {
@@ -296,7 +237,7 @@ fn overshoot_suppression_leaves_no_swing_of_its_period() {
     let decays = libm::exp(-0.5 * bandwidth * half_period);
     // What is left of the swing behind the delay.
     let swing = |suppression| {
-        let mut loops = Loops::smooth(Gains {
+        let mut loops = smooth(Gains {
             speed: 0.2,
             speed_integral_time: 0.008,
             overshoot_suppression: suppression,
@@ -351,7 +292,7 @@ proptest! {
             ..DriveTrain::default()
         };
         let gains = Gains::commissioned(&motor, &train);
-        let mut loops = Loops::new(gains, train);
+        let mut loops = Running::new(gains, train);
         // 0.1 revolutions in 0.5 s, without a jump.
         let reference = |t: f64| {
             let (s, over) = ((t / 0.5).min(1.0), t > 0.5);

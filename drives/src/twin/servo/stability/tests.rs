@@ -3,16 +3,10 @@
 use super::*;
 use crate::mechanics::drive_train::Elasticity;
 use crate::mechanics::friction::Friction;
-use crate::twin::random::Random;
-use crate::twin::servo::cascade::{Cascade, Reference, SPEED_STEPS};
-use crate::twin::servo::encoder::{Encoder, EncoderErrors};
+use crate::twin::servo::cascade::Reference;
 use crate::twin::servo::motor::Motor;
-use crate::twin::servo::shaft::Shaft;
+use crate::twin::servo::running::{Running, at};
 use proptest::prelude::*;
-use syncline_canopen::Instant;
-
-/// So fine that it is nearly continuous.
-const COUNTS: f64 = 1e9;
 
 /// What identified axes are tuned to, and more.
 const DISTANCE: Distance = Distance {
@@ -49,59 +43,32 @@ fn axes() -> impl Strategy<Value = DriveTrain> {
     })
 }
 
-/// A cascade that moves an axis.
-struct Running {
-    cascade: Cascade,
-    shaft: Shaft,
-    encoder: Encoder,
-    reading: i64,
-    steps: u32,
+/// A cascade that moves an axis, without limits.
+fn running(gains: &Gains, train: &DriveTrain) -> Running {
+    let unlimited = Gains {
+        torque_limit: f64::MAX,
+        speed_limit: f64::MAX,
+        ..gains.clone()
+    };
+    Running::new(unlimited, train.clone())
 }
 
-impl Running {
-    fn new(gains: &Gains, train: &DriveTrain) -> Self {
-        let unlimited = Gains {
-            torque_limit: f64::MAX,
-            speed_limit: f64::MAX,
-            ..gains.clone()
-        };
-        Self {
-            cascade: Cascade::new(unlimited, 0),
-            shaft: Shaft::new(train.clone(), 0.0),
-            encoder: Encoder::new(COUNTS, EncoderErrors::default(), Random::new(0, 0)),
-            reading: 0,
-            steps: 0,
-        }
-    }
-
-    /// Follows a reference, in revolutions, for so long; what time, motor and load were, step by step.
-    fn run(&mut self, seconds: f64, reference: impl Fn(f64) -> Reference) -> Vec<[f64; 3]> {
-        let steps = (seconds / STEP) as u32;
-        let step = |_| {
-            let reference = reference(f64::from(self.steps) * STEP);
-            if self.steps.is_multiple_of(SPEED_STEPS) {
-                self.cascade.position_step(reference, self.reading, COUNTS);
-            }
-            let torque = (self.cascade).speed_step(reference, self.reading, COUNTS, STEP, false);
-            self.shaft.step(Instant::ZERO, STEP, torque, true);
-            self.reading = self.encoder.read(&self.shaft, 0.0);
-            self.steps += 1;
-            [
-                f64::from(self.steps) * STEP,
-                self.shaft.velocity(),
-                self.shaft.load_position(),
-            ]
-        };
-        (0..steps).map(step).collect()
-    }
-}
-
-fn at(position: f64) -> Reference {
-    Reference::Position {
-        position: position * COUNTS,
-        velocity: 0.0,
-        acceleration: 0.0,
-    }
+/// What time, motor and load are, step by step, for so long from now on.
+fn follow(
+    loops: &mut Running,
+    seconds: f64,
+    reference: impl Fn(f64) -> Reference,
+) -> Vec<[f64; 3]> {
+    let steps = (seconds / STEP) as u32;
+    let step = |_| {
+        loops.step(&reference);
+        [
+            loops.time(),
+            loops.shaft.velocity(),
+            loops.shaft.load_position(),
+        ]
+    };
+    (0..steps).map(step).collect()
 }
 
 /// Of the commissioned loops, which suit any axis somehow.
@@ -142,10 +109,10 @@ proptest! {
         let period = (hertz.exp() * POSITION_STEP).recip().round() * POSITION_STEP;
         let s = Complex::new(0.0, TAU / period);
         let expected = OpenLoops::at(&gains, &Response::at(&train, s), f64::INFINITY).load;
-        let mut running = Running::new(&gains, &train);
-        running.run(4.0, |t| at(0.01 * (TAU * t / period).sin()));
+        let mut loops = running(&gains, &train);
+        loops.run(4.0, |t| at(0.01 * (TAU * t / period).sin(), 0.0, 0.0));
         let periods = (0.5 / period).ceil();
-        let seen = running.run(periods * period + 0.5 * STEP, |t| at(0.01 * (TAU * t / period).sin()));
+        let seen = follow(&mut loops, periods * period + 0.5 * STEP, |t| at(0.01 * (TAU * t / period).sin(), 0.0, 0.0));
         let sum = seen.iter().fold(Complex::from(0.0), |sum, [t, _, load]| {
             sum + (-s * *t).exp() * *load
         });
@@ -172,10 +139,10 @@ proptest! {
         }
         let margin = tuning.stability(&more(edge)).unwrap().speed.gain;
         prop_assert!(margin < 0.5, "{margin} dB at the edge of {edge} dB");
-        let mut running = Running::new(&more(edge + if is_beyond { 1.0 } else { -1.0 }), &train);
-        let kick = running.run(0.02, |_| Reference::Velocity(0.01));
+        let mut loops = running(&more(edge + if is_beyond { 1.0 } else { -1.0 }), &train);
+        let kick = follow(&mut loops, 0.02, |_| Reference::Velocity(0.01));
         let most = |seen: &[[f64; 3]]| seen.iter().map(|it| it[1].abs()).fold(0.0, f64::max);
-        let later = running.run(1.0, |_| Reference::Velocity(0.0));
+        let later = follow(&mut loops, 1.0, |_| Reference::Velocity(0.0));
         let (early, late) = (most(&kick), most(&later[later.len() * 3 / 4..]));
         prop_assert_eq!(late > early, is_beyond, "{} dB: from {} to {}", edge, early, late);
     }
@@ -192,8 +159,8 @@ proptest! {
         let keeps = tuning.stability(&stiffer).is_some_and(|it| it.keeps(&DISTANCE));
         prop_assert!(!keeps, "{gains:?} could be stiffer");
         // And the load comes to rest.
-        let mut running = Running::new(&gains, &train);
-        let seen = running.run(20.0 / gains.position, |_| at(0.01));
+        let mut loops = running(&gains, &train);
+        let seen = follow(&mut loops, 20.0 / gains.position, |_| at(0.01, 0.0, 0.0));
         let end = &seen[seen.len() * 9 / 10..];
         let off = end.iter().map(|it| (it[2] - 0.01).abs()).fold(0.0, f64::max);
         prop_assert!(off < 5e-4, "{off} of 0.01 revolutions left");
@@ -210,9 +177,9 @@ proptest! {
         prop_assume!(tuning.stability(&gains).is_some());
         let Some(mode) = tuning.slowest_swing(&gains) else { return Ok(()) };
         prop_assume!(mode.damping < 0.1);
-        let mut running = Running::new(&gains, &train);
-        running.run(4.0 / gains.position, |_| at(0.01));
-        let seen = running.run(12.0 / mode.frequency, |_| at(0.01));
+        let mut loops = running(&gains, &train);
+        loops.run(4.0 / gains.position, |_| at(0.01, 0.0, 0.0));
+        let seen = follow(&mut loops, 12.0 / mode.frequency, |_| at(0.01, 0.0, 0.0));
         // Where it turns round, as far as that is seen.
         let turns: Vec<[f64; 2]> = seen
             .windows(3)
