@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use proptest::sample::select;
-use syncline_canopen::{CobId, NodeId};
+use syncline_canopen::{CobId, Frame, NodeId};
 use syncline_controller::control::fault::{DeviceCause, SpindleCause};
 use syncline_controller::control::{End, Event, Fault, Pause, Phase, Row, State};
 use syncline_controller::machine::{COORDINATES, Machine};
@@ -106,6 +106,22 @@ pub(super) fn assert_let_go_at_rest(rig: &mut Rig) {
 
 pub(super) const TWO_SPEEDS: &str =
     "G21 G90 G61\nM3 S2000\nG0 X10\nG1 X20 F1200\nM4 S500\nG1 X30\nM5\nG0 X0\nM2\n";
+
+/// What the spindle's drive tells of its position comes as another one from here on.
+pub(super) fn tell_spindle(rig: &mut Rig, mut as_another: impl FnMut(i32) -> i32 + Send + 'static) {
+    let told = CobId::t_pdo(1, NodeId::new(4).unwrap());
+    rig.bus().doctor = Some(Box::new(move |received| {
+        let frame = &received.frame;
+        if let [s0, s1, p0, p1, p2, p3] = *frame.data()
+            && frame.id() == told.into()
+        {
+            let count = as_another(i32::from_le_bytes([p0, p1, p2, p3]));
+            let [p0, p1, p2, p3] = count.to_le_bytes();
+            received.frame = Frame::new(told, &[s0, s1, p0, p1, p2, p3]);
+        }
+        true
+    }));
+}
 
 #[test]
 fn each_cut_waits_for_its_speed_and_power_for_the_standstill() {

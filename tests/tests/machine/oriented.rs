@@ -4,7 +4,7 @@
 use proptest::prelude::*;
 use proptest::sample::select;
 use syncline_canopen::time::Duration;
-use syncline_canopen::{CobId, Frame, Instant, NodeId};
+use syncline_canopen::{CobId, Instant, NodeId};
 use syncline_controller::control::fault::SpindleCause;
 use syncline_controller::control::{End, Event, Fault, Pause, State};
 use syncline_controller::session::Command;
@@ -14,7 +14,9 @@ use syncline_trajectory::profile::State as Motion;
 use syncline_trajectory::state_to_state;
 
 use super::day::{assert_moves_within_limits, go, mdi, settle, state};
-use super::driven_spindle::{SPINDLE, assert_let_go_at_rest, begun_with, drill_with, turns_at};
+use super::driven_spindle::{
+    SPINDLE, assert_let_go_at_rest, begun_with, drill_with, tell_spindle, turns_at,
+};
 
 /// By how much an angle may be off where `orientation_tolerance` is left out, degrees, and the rotor besides: what it moves by
 /// within a cycle.
@@ -131,18 +133,7 @@ fn a_spindle_that_cannot_come_pauses_until_it_can() {
 
 /// What is measured slips by so many counts from here on.
 fn slip(rig: &mut Rig, counts: i32) {
-    let told = CobId::t_pdo(1, NodeId::new(4).unwrap());
-    rig.bus().doctor = Some(Box::new(move |received| {
-        let frame = &received.frame;
-        if let [s0, s1, p0, p1, p2, p3] = *frame.data()
-            && frame.id() == told.into()
-        {
-            let slipped = i32::from_le_bytes([p0, p1, p2, p3]) + counts;
-            let [p0, p1, p2, p3] = slipped.to_le_bytes();
-            received.frame = Frame::new(told, &[s0, s1, p0, p1, p2, p3]);
-        }
-        true
-    }));
+    tell_spindle(rig, move |count| count + counts);
 }
 
 #[test]

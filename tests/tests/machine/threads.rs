@@ -3,7 +3,6 @@
 
 use proptest::prelude::*;
 use proptest::sample::select;
-use syncline_canopen::{CobId, Frame, NodeId};
 use syncline_controller::control::fault::BlockCause;
 use syncline_controller::control::{End, Event, Fault, Row, State, ThreadFailure};
 use syncline_controller::machine::{COORDINATES, Machine};
@@ -15,6 +14,7 @@ use syncline_tests::rig::Rig;
 use syncline_trajectory::synchronous::LostStep;
 
 use super::day::{assert_moves_within_limits, go, settle, state};
+use super::driven_spindle::tell_spindle;
 
 const X: usize = 0;
 pub(super) const Z: usize = 2;
@@ -108,18 +108,7 @@ impl Thread {
         });
         rig.goes_on = false;
         let each = (FINE / self.counts) as i32;
-        let told = CobId::t_pdo(1, NodeId::new(4).unwrap());
-        rig.bus().doctor = Some(Box::new(move |received| {
-            let frame = &received.frame;
-            if let [s0, s1, p0, p1, p2, p3] = *frame.data()
-                && frame.id() == told.into()
-            {
-                let count = i32::from_le_bytes([p0, p1, p2, p3]).div_euclid(each);
-                let [p0, p1, p2, p3] = count.to_le_bytes();
-                received.frame = Frame::new(told, &[s0, s1, p0, p1, p2, p3]);
-            }
-            true
-        }));
+        tell_spindle(&mut rig, move |count| count.div_euclid(each));
         rig
     }
 
@@ -495,24 +484,16 @@ fn seen_to_change(rig: &mut Rig, each: f64, ends_at: f64) {
         let row = rig.rows.last();
         row.is_some_and(|row| row.plan.off_path && row.plan.position[2] < 35.0)
     });
-    let told = CobId::t_pdo(1, NodeId::new(4).unwrap());
     let (mut before, mut shown, mut speed) = (None, 0.0, 1.0_f64);
-    rig.bus().doctor = Some(Box::new(move |received| {
-        if let [s0, s1, p0, p1, p2, p3] = *received.frame.data()
-            && received.frame.id() == told.into()
-        {
-            let count = i32::from_le_bytes([p0, p1, p2, p3]);
-            let by = before.map_or(0, |before: i32| count.wrapping_sub(before));
-            if before.replace(count).is_none() {
-                shown = f64::from(count);
-            }
-            speed += (ends_at - speed).clamp(-each, each);
-            shown += speed * f64::from(by);
-            let [p0, p1, p2, p3] = (shown as i32).to_le_bytes();
-            received.frame = Frame::new(told, &[s0, s1, p0, p1, p2, p3]);
+    tell_spindle(rig, move |count| {
+        let by = before.map_or(0, |before: i32| count.wrapping_sub(before));
+        if before.replace(count).is_none() {
+            shown = f64::from(count);
         }
-        true
-    }));
+        speed += (ends_at - speed).clamp(-each, each);
+        shown += speed * f64::from(by);
+        shown as i32
+    });
 }
 
 /// So gently that the axes could follow: to rest, or to the other side.
