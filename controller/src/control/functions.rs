@@ -293,12 +293,10 @@ impl<const N: usize> Controller<N> {
                 self.tell(Event::Output { output: index, on });
             }
         }
-        let speed = match is_safe {
-            true => {
-                self.forget_orientation();
-                0.0
-            }
-            false => self.orient().unwrap_or_else(|| self.spindle_speed()),
+        let speed = match self.orient(is_safe) {
+            Some(speed) => speed,
+            None if is_safe => 0.0,
+            None => self.spindle_speed(),
         };
         self.turn_spindle(speed);
         for (index, output) in layout.analog_outputs.iter().enumerate() {

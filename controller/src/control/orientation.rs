@@ -114,9 +114,10 @@ impl<const N: usize> Controller<N> {
         Some(((turned - turned.round()) * TURN, spec.tolerance))
     }
 
-    /// How fast an oriented spindle is to turn from the next SYNC on, 1/min.
-    pub(super) fn orient(&mut self) -> Option<f64> {
-        let Some((told, spindle, spec)) = self.orientation() else {
+    /// How fast an oriented spindle is to turn from the next SYNC on, 1/min. Where outputs have their safe values nobody holds
+    /// it any more.
+    pub(super) fn orient(&mut self, is_safe: bool) -> Option<f64> {
+        let Some((told, spindle, spec)) = self.orientation().filter(|_| !is_safe) else {
             self.orienter.0 = None;
             return None;
         };
@@ -161,11 +162,6 @@ impl<const N: usize> Controller<N> {
         };
         self.orienter.0 = Some(orienting);
         Some(60.0 * velocity)
-    }
-
-    /// Nobody holds the spindle any more.
-    pub(super) fn forget_orientation(&mut self) {
-        self.orienter.0 = None;
     }
 
     /// The path rests until the spindle has come to its angle, which may take so long.
