@@ -3,6 +3,7 @@
 //! Reading is strict, see [`syncline_strict_toml`]. `docs/machine-file.md` is the reference of
 //! all keys.
 
+mod axis;
 mod described;
 mod encoder;
 mod fits;

@@ -2,26 +2,27 @@
 //! they fit together. Each stage reports all it finds, and the next starts only on what is clean,
 //! so that one mistake does not cause complaints about another thing.
 
+use super::axis::AxisTable;
 use super::described;
-use super::encoder::{self, EncoderTable, FeedbackTable};
-use super::fits::{self, Asked, Pairing};
+use super::encoder::{self, EncoderTable};
+use super::fits::{self, Pairing};
 use super::homing::{self, HomingTable};
 use super::io_node::IoTable;
-use super::limit_inputs::{self, LimitTable};
+use super::limit_inputs;
 use super::node::{self, NodeTable, node_id};
 use super::probing;
 use super::retraction::RetractionTable;
 use super::shaper::ShaperTable;
 use super::signals::{SignalTables, Signals, Wiring};
-use super::simulation::{self, Simulation};
+use super::simulation;
 use super::spindle::SpindleTable;
 use super::user_code::UserCodeTable;
 use super::{
-    Axis, AxisLimits, Bus, Controller, Drive, Feedback, Homing, HomingPolicy, Machine, Motion,
-    PathTolerances, Probing, Validation, assumed, spindle, validation,
+    Bus, Controller, Drive, HomingPolicy, Machine, PathTolerances, Probing, Validation, assumed,
+    spindle, validation,
 };
 use std::{collections::BTreeMap, ops::Range, path::Path, time::Duration};
-use syncline_drives::model::{Ability, Assumed, Direction, Increments, MODELS, Model, Scaling};
+use syncline_drives::model::{Assumed, Direction, Increments, MODELS, Model, Scaling};
 use syncline_gcode as gcode;
 use syncline_strict_toml::{Diagnostic, Log, Table, nearest, one_of};
 use syncline_trajectory::shaper::Shaper;
@@ -578,214 +579,6 @@ pub(super) fn direction(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Directi
     match &*table.choice_or(log, "direction", "positive", directions) {
         "negative" => Direction::Negative,
         _ => Direction::Positive,
-    }
-}
-
-/// A limit of the plan: wide enough for every machine, and its powers are numbers.
-fn limit(
-    log: &mut Log<'_>,
-    table: &mut Table<'_, '_>,
-    key: &'static str,
-    most: f64,
-    unit: &str,
-) -> Option<Spanned<f64>> {
-    let allowed = format!("a number from 0.001 to {most} {unit}");
-    table.number(log, key, &allowed, |number| {
-        (0.001..=most).contains(&number)
-    })
-}
-
-/// The limits of the following error at the greatest velocity and at rest.
-fn following_error_limits(
-    log: &mut Log<'_>,
-    table: &mut Table<'_, '_>,
-    unit: &str,
-) -> Option<(f64, f64)> {
-    let limit = table.positive(log, "following_error_limit", unit);
-    let limit = limit.map(Spanned::into_inner);
-    let allowed = format!("a number above 0, at most `following_error_limit` {unit}");
-    let most = limit.unwrap_or(f64::INFINITY);
-    let is_less = |number| number > 0.0 && number <= most;
-    let at_rest = table.number_if(log, "following_error_limit_at_rest", &allowed, is_less);
-    Some((limit?, at_rest.map_or(most, Spanned::into_inner)))
-}
-
-struct AxisTable {
-    name: Spanned<String>,
-    letter: gcode::AxisLetter,
-    drives: Spanned<Vec<Spanned<String>>>,
-    pitch: f64,
-    gear: f64,
-    limits: AxisLimits,
-    /// Where they stand.
-    soft_limits: Range<usize>,
-    /// What its drives are to do besides.
-    asked: Vec<Asked>,
-    homing: Option<HomingTable>,
-    limit_switches: LimitTable,
-    feedback: Option<FeedbackTable>,
-    hardware_stops: bool,
-    position_loss: Option<Spanned<i64>>,
-    /// And where the file says so.
-    motion: Option<(Motion, Range<usize>)>,
-    simulation: Option<Simulation>,
-}
-
-impl AxisTable {
-    fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Self> {
-        let name = table.choice(
-            log,
-            "name",
-            gcode::AxisLetter::ALL.iter().map(|axis| axis.name()),
-        );
-        let letter = name.as_ref().and_then(|name| {
-            let named = |axis: &gcode::AxisLetter| axis.name() == name.get_ref();
-            gcode::AxisLetter::ALL.into_iter().find(named)
-        });
-        let rotary = letter.is_some_and(|letter| !letter.is_linear());
-        let [position, velocity, acceleration, jerk] = if rotary {
-            ["(°)", "(°/s)", "(°/s²)", "(°/s³)"]
-        } else {
-            ["(mm)", "(mm/s)", "(mm/s²)", "(mm/s³)"]
-        };
-        let allowed = "the name of one [[drive]], or of two for a gantry pair";
-        let drives = table.texts(log, "drives", allowed, 1..=2);
-        let pitch = if rotary {
-            let unit = "(degrees per turn of what the gear turns)";
-            let span = table.span_of("pitch").unwrap_or_default();
-            Some(Spanned::new(
-                span,
-                table.positive_or(log, "pitch", TURN, unit),
-            ))
-        } else {
-            let unit = "(mm per turn of the screw or pinion)";
-            match name {
-                Some(_) => table.positive(log, "pitch", unit),
-                // Who knows whether it turns.
-                None => table.positive_if(log, "pitch", unit),
-            }
-        };
-        let gear = table.positive_or(log, "gear", 1.0, "(motor turns per turn of the screw)");
-        let max_velocity = limit(log, &mut table, "max_velocity", 1e6, velocity);
-        let max_acceleration = limit(log, &mut table, "max_acceleration", 1e9, acceleration);
-        let max_jerk = limit(log, &mut table, "max_jerk", 1e12, jerk);
-        let allowed = if rotary {
-            "[least, greatest] machine position in degrees, the first below the second"
-        } else {
-            "[least, greatest] machine position in mm, the first below the second"
-        };
-        let soft_limits = table.interval(log, "soft_limits", allowed);
-        let following_error = following_error_limits(log, &mut table, position);
-        let pair = drives
-            .as_ref()
-            .is_some_and(|drives| drives.get_ref().len() == 2);
-        let skew_limit = if pair {
-            let unit = format!("{position}, the difference of a gantry's two sides");
-            table.positive(log, "skew_limit", &unit)
-        } else {
-            let skew_limit = table.positive_if(log, "skew_limit", position);
-            if let (Some(skew_limit), true) = (&skew_limit, drives.is_some()) {
-                log.report(
-                    skew_limit.span(),
-                    format!("{}: `skew_limit` for one drive", table.title),
-                    "allowed: only where `drives` names two, a gantry pair",
-                );
-            }
-            None
-        };
-        let standstill = table.positive_or(log, "standstill_window", 0.1, position);
-        let asked = fits::asked(log, &mut table);
-        let limits = || {
-            Some(AxisLimits {
-                position: *soft_limits.as_ref()?.get_ref(),
-                velocity: *max_velocity.as_ref()?.get_ref(),
-                acceleration: *max_acceleration.as_ref()?.get_ref(),
-                jerk: *max_jerk.as_ref()?.get_ref(),
-                following_error: following_error?.0,
-                following_error_at_rest: following_error?.1,
-                skew: skew_limit.as_ref().map(|limit| *limit.get_ref()),
-                standstill,
-            })
-        };
-        let limits = limits();
-        let homing = homing::read(log, &mut table, &limits.unwrap_or_default(), rotary);
-        let limit_switches = LimitTable::read(log, &mut table);
-        let feedback = FeedbackTable::read(log, &mut table, position);
-        let stops = ["hardware"].into_iter();
-        let hardware_stops = table.choice_if(log, "unsupervised_stop", stops).is_some();
-        let position_loss = table.integer_if(log, "position_loss_ms", 1..=1000, " (ms)");
-        let motion = fits::motion(log, &mut table);
-        let simulation = simulation::read(
-            log,
-            &mut table,
-            simulation::Simulated::Axis { rotary, pair },
-        );
-        if let (Some(pitch), true) = (&pitch, log.is_empty())
-            && !(pitch.get_ref() / gear).is_normal()
-        {
-            let problem = format!("{}: `pitch` / `gear` is no usable number", table.title);
-            log.report(
-                pitch.span(),
-                problem,
-                "allowed: a travel for a motor revolution above 0",
-            );
-        }
-        table.finish(log);
-        Some(Self {
-            name: name?,
-            letter: letter?,
-            drives: drives?,
-            pitch: pitch?.into_inner(),
-            gear,
-            soft_limits: soft_limits.as_ref()?.span(),
-            limits: limits?,
-            asked,
-            homing,
-            limit_switches,
-            feedback,
-            hardware_stops,
-            position_loss,
-            motion,
-            simulation,
-        })
-    }
-
-    fn title(&self) -> String {
-        format!("axis \"{}\"", self.name.get_ref())
-    }
-
-    fn mm_per_revolution(&self) -> f64 {
-        self.pitch / self.gear
-    }
-
-    /// The axis with those drives, how it is homed, and its limit switches.
-    fn join(
-        self,
-        drives: Vec<usize>,
-        encoder: Option<usize>,
-    ) -> (Axis, (Option<HomingTable>, LimitTable)) {
-        let asks = |ability| self.asked.iter().any(|asked| asked.ability == ability);
-        let axis = Axis {
-            drive_following_error: asks(Ability::FollowingErrorLimit),
-            drive_soft_limits: asks(Ability::SoftLimits),
-            mm_per_revolution: self.mm_per_revolution(),
-            letter: self.letter,
-            drives,
-            limits: self.limits,
-            homing: Homing::default(),
-            limit_inputs: [Vec::new(), Vec::new()],
-            feedback: encoder.zip(self.feedback).map(|(encoder, table)| Feedback {
-                encoder,
-                difference: table.difference,
-                closes_loop: table.closes_loop.is_some(),
-            }),
-            hardware_stops: self.hardware_stops,
-            position_loss: (self.position_loss)
-                .map(|ms| Duration::from_millis(ms.into_inner() as u64)),
-            motion: Motion::Path,
-            simulation: self.simulation,
-        };
-        (axis, (self.homing, self.limit_switches))
     }
 }
 
