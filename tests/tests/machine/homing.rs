@@ -1050,7 +1050,7 @@ fn judge(case: &Case) -> Result<(), TestCaseError> {
         let shown = rig.session.status().setpoint[z];
         prop_assert!((least..=most).contains(&shown), "{}", shown);
         // Once more from there: referenced as it is, it goes as far beyond its soft limits.
-        go(&mut rig, home(Axis::Z));
+        go(&mut rig, home(AxisLetter::Z));
         prop_assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
     }
     prop_assert!(rig.ends_at_rest());

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use syncline_canopen::time::Duration;
 use syncline_controller::control::fault::AxisCause;
 use syncline_controller::control::{Fault, State};
-use syncline_gcode::Axis;
+use syncline_gcode::AxisLetter;
 use syncline_tests::rig::Rig;
 
 /// The drives of X, on both machines.
@@ -96,8 +96,8 @@ proptest! {
         let start = format!("start = 180.0\nstart_skew = {skew:?}");
         let mut rig = Rig::staying_on("router", &[("start = 180.0", &start)], |_, _| ());
         settle(&mut rig);
-        rig.command(home(Axis::X));
-        rig.run_until(|rig| is_referenced(rig, Axis::X) || state(rig) == State::Ready && rig.rows.len() > 50);
+        rig.command(home(AxisLetter::X));
+        rig.run_until(|rig| is_referenced(rig, AxisLetter::X) || state(rig) == State::Ready && rig.rows.len() > 50);
         oversleep(&mut rig, &lates);
         settle(&mut rig);
         let faults = rig.session.faults();
