@@ -1,18 +1,20 @@
 //! A running program: its commands pushed into the planner, the planner's handed out as instructions.
 
+mod opening;
+mod searches;
+
 use super::feed::{feed, programmed_speed};
 use super::moves::{
     MoveSource, ON_THE_PATH, ProgramMove, ProgramStop, Step, Upcoming, path_control_mode,
 };
 use super::threads::Threads;
 use super::{Entered, Left, Program, ProgramError, Scale, UserCodes, place};
-use crate::control::event::describe_leg;
 use crate::control::functions::SWITCHES;
 use crate::control::{
-    Found, InputWait, Instruction, Pause, ProbeMove, Signal, SignalLevels, StopPoint, Switch,
-    UserCall,
+    InputWait, Instruction, Pause, Signal, SignalLevels, StopPoint, Switch, UserCall,
 };
 use crate::machine::{COORDINATES, InputMeaning, PathTolerances, Position, SpinUp};
+use opening::{Opening, turns};
 use std::collections::VecDeque;
 use std::mem::take;
 use std::path::{Path, PathBuf};
@@ -92,21 +94,6 @@ pub struct Feeder {
     handed_out: u32,
     committed: VecDeque<u32>,
     ended: bool,
-}
-
-/// What comes before the commands of a program that is begun in its middle.
-enum Opening {
-    /// The operator is told what comes next, and goes on.
-    Confirm(Pause, String),
-    /// What sets the machine up, or leads it there.
-    Act(Box<Action>),
-    /// The spindle has its speed before the axes move.
-    AtSpeed,
-}
-
-/// Whether the spindle turns where a program is begun in its middle.
-fn turns(entry: &gcode::Entry) -> bool {
-    entry.spindle.turning != gcode::Turning::Off
 }
 
 /// Behind so many commands, of which nothing else is known.
@@ -194,51 +181,6 @@ impl Program {
             ended: false,
         })
     }
-
-    /// What comes before the commands of an interpreter that stands where the program is entered: what it finds, and
-    /// what brings a machine at `here` there.
-    fn opening(
-        &self,
-        here: Position,
-        interpreter: &Interpreter,
-        entry: Option<&gcode::Entry>,
-    ) -> VecDeque<Opening> {
-        let mut opening = VecDeque::new();
-        let Some(entry) = entry else {
-            return opening;
-        };
-        let found = self.found(interpreter, entry).filter(|_| self.waits);
-        if let Some(found) = &found {
-            opening.push_back(Opening::Confirm(Pause::Beginning, found.to_string()));
-        }
-        let act = |action| Opening::Act(Box::new(action));
-        opening.extend(entry.set_up.iter().cloned().map(act));
-        match self.retraction.filter(|_| found.is_some()) {
-            Some(retraction) => {
-                if turns(entry) {
-                    opening.push_back(Opening::AtSpeed);
-                }
-                let mut at = here;
-                while let Some(leg) = retraction.leg(&at, &entry.at.0) {
-                    for (at, to) in at.iter_mut().zip(leg.to) {
-                        *at = to.unwrap_or(*at);
-                    }
-                    let to = gcode::Point(at);
-                    let feed = gcode::Feed::Rate(leg.speed);
-                    let act = match leg.speed.is_finite() {
-                        true => Action::Feed { to, feed },
-                        false => Action::Rapid { to },
-                    };
-                    opening.push_back(Opening::Confirm(Pause::NextLeg, describe_leg(&leg)));
-                    opening.push_back(Opening::Act(Box::new(act)));
-                }
-            }
-            None => opening.extend(entry.way.iter().cloned().map(act)),
-        }
-        let with_motion = entry.with_motion.iter().copied().map(Action::Output);
-        opening.extend(with_motion.map(act));
-        opening
-    }
 }
 
 impl Feeder {
@@ -310,28 +252,6 @@ impl Feeder {
         self.committed.len() == COMMITS_AHEAD && oldest > first + MOVES_AHEAD
     }
 
-    /// Does what comes before the program's own commands.
-    fn open(&mut self, opening: Opening) -> Result<(), ProgramError> {
-        let line = self.entered;
-        let span = gcode::Span {
-            line,
-            ..gcode::Span::default()
-        };
-        match opening {
-            Opening::Confirm(reason, text) => {
-                self.tell(line, text);
-                self.stop_then(StopPoint::Pause { reason, line });
-                Ok(())
-            }
-            Opening::Act(action) => {
-                let action = *action;
-                self.take(&gcode::Command { span, action })
-            }
-            Opening::AtSpeed if take(&mut self.spins_up) => self.await_spindle(span),
-            Opening::AtSpeed => Ok(()),
-        }
-    }
-
     /// Takes the program's next command.
     fn take_next(&mut self, command: &gcode::Command) -> Result<(), ProgramError> {
         let passed = self.interpreter.passed();
@@ -379,17 +299,7 @@ impl Feeder {
             }
             Action::Thread { to, lead } => self.take_thread(to.0, *lead, false, command.span)?,
             Action::Tap { to, lead } => self.take_thread(to.0, *lead, true, command.span)?,
-            Action::Home { axes, .. } => {
-                for (line, switch) in take(&mut self.with_motion) {
-                    self.switch(line, switch);
-                }
-                self.searches += 1;
-                self.search = Some(Instruction::Home {
-                    number: self.searches,
-                    axes: gcode::AxisLetter::ALL.map(|axis| axes.contains(axis)),
-                });
-                self.stop_then(StopPoint::Home { line });
-            }
+            Action::Home { axes, .. } => self.take_home(*axes, line),
             Action::ReadSignals { .. } => {
                 self.readings += 1;
                 let number = self.readings;
@@ -452,98 +362,6 @@ impl Feeder {
             self.switch(line, Switch::Coolant(left.modes().coolant));
         }
         self.stop_then(StopPoint::End);
-    }
-
-    /// Comes to rest, and has the cycle probe from there.
-    fn take_probe(
-        &mut self,
-        to: Position,
-        feed: gcode::Feed,
-        probe: gcode::Probe,
-        span: gcode::Span,
-    ) -> Result<(), ProgramError> {
-        for (line, switch) in take(&mut self.with_motion) {
-            self.switch(line, switch);
-        }
-        let line_there = self.source.line(to).map_err(|source| ProgramError::Curve {
-            place: place(&self.interpreter, span),
-            source,
-        })?;
-        let speed = programmed_speed(&line_there, feed, line_there.length());
-        self.searches += 1;
-        self.search = Some(Instruction::Probe(ProbeMove {
-            number: self.searches,
-            to: line_there.end(),
-            speed: self.scale.feed * speed,
-            probe,
-        }));
-        let line = span.line;
-        self.stop_then(StopPoint::Probe { line });
-        Ok(())
-    }
-
-    /// Comes to rest, and has the cycle cut a thread from there, or tap one.
-    fn take_thread(
-        &mut self,
-        to: Position,
-        lead: f64,
-        taps: bool,
-        span: gcode::Span,
-    ) -> Result<(), ProgramError> {
-        if take(&mut self.spins_up) {
-            self.await_spindle(span)?;
-        }
-        self.switch_with_motion();
-        let line = self.source.line(to).map_err(|source| ProgramError::Curve {
-            place: place(&self.interpreter, span),
-            source,
-        })?;
-        let spindle = self.interpreter.modes().spindle;
-        let number = self.searches + 1;
-        let next = self.threads.thread(number, &line, lead, taps, spindle);
-        let next = next.map_err(|source| ProgramError::Thread {
-            place: place(&self.interpreter, span),
-            source,
-        })?;
-        self.searches = number;
-        self.awaits_thread = true;
-        // A tap leaves it on its way back to its direction.
-        self.spins_up = taps;
-        self.search = Some(Instruction::Thread(next));
-        let line = span.line;
-        self.stop_then(StopPoint::Thread { line });
-        Ok(())
-    }
-
-    /// Whether nothing more is known before the machine has been there.
-    fn awaits_machine(&self) -> bool {
-        self.awaits_thread || self.interpreter.awaits_machine()
-    }
-
-    /// Goes on behind a probing, a homing or a thread from where the machine rests, once it is known what came of it; a
-    /// result that was taken, or is of another one, changes nothing.
-    pub fn found(&mut self, found: &Found<COORDINATES>) {
-        let searches = self.awaits_thread || self.interpreter.awaits_search();
-        if !searches || found.number != self.searches {
-            return;
-        }
-        if take(&mut self.awaits_thread) {
-            self.source.go_on_from(found.at);
-        } else if self.interpreter.awaits_homing() {
-            self.source.homed(found.at);
-            self.interpreter.homed(gcode::Point(found.at));
-        } else {
-            let at = gcode::Point(self.source.go_on_from(found.at));
-            let contact = found.contact.map(gcode::Point);
-            self.interpreter.probed(gcode::Probed { contact, at });
-        }
-        self.planner = planner(self.limits, self.bounds, found.at);
-        self.first_mark += self.marks.len() as u32;
-        self.marks.clear();
-        self.committed.clear();
-        self.since_stop = 0;
-        self.leaves = None;
-        self.search = Some(Instruction::Found(found.number));
     }
 
     /// Goes on behind a reading of inputs and outputs with what they are; those of another one change nothing.
