@@ -13,6 +13,7 @@
 //! - [`session`]: the machine as an operator has it: commands in, status and events out
 //! - [`run`]: the controller in virtual and in real time
 //! - [`validate`](mod@validate): a program on simulated drives, judged
+//! - [`sweep`]: many validations with other values of the machine file's keys
 //! - [`identify`]: what an axis is, from how it moves
 //! - [`compare`]: two motions side by side
 //! - [`recording`]: numbers over time from a file

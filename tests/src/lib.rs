@@ -17,6 +17,7 @@
 //! - [`command`]: the `syncline` command as a user runs it
 //! - [`terminal`], [`screen`]: a person at a terminal of their own, and what stands there
 //! - [`rig`]: a whole machine in virtual time, to interfere with
+//! - [`corpus`]: generated programs with the geometry that they stand for
 //! - [`trace`]: checks a trace against the limits, trusting no planner
 //! - [`plan`]: the same for the plan between the samples
 //!

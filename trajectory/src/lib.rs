@@ -20,7 +20,9 @@
 //! - [`synchronous`]: along a line in step with a spindle that is measured.
 //! - [`path`]: motion of all axes along programmed geometry, and its execution.
 //! - [`shaper`]: input shaping, against vibrations that a motion would excite.
-//! - [`verify`]: certifies plans, in arithmetic of its own.
+//! - [`verify`]: certifies plans, in arithmetic of its own, `double`.
+//!
+//! Beneath `state_to_state` are the `extremal` plans: for every duration the one that gets furthest.
 #![forbid(unsafe_code)]
 
 mod double;

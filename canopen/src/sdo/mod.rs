@@ -3,6 +3,7 @@
 //! - [`Client`]: the master's side: starts transfers and says how they ended
 //! - [`Server`]: the node's side, over anything that is an [`Objects`]
 //! - [`AbortCode`]: why a transfer was refused
+//! - `wire`: their eight bytes; `crc`: what block transfers are checked by
 
 mod abort;
 mod client;

@@ -9,7 +9,7 @@
 //! of what a machine owes to people, not a difference from how it was written. A seed that failed fails
 //! again exactly, and its case is made smaller until little is left to look at.
 //!
-//! - `machine`, `program`, `operator`, `interference`: what a case is drawn from
+//! - `machine`, `program`, `operator`, `interference`: what a case is drawn from; `dice`: by which choices
 //! - [`case`]: all of it as data, for files
 //! - [`stage`]: where it is played
 //! - [`checkers`]: what must hold

@@ -11,7 +11,7 @@
 //! ```
 //!
 //! - [`layout`]: the machine as the controller needs it
-//! - [`Phase`]: bring-up, program, end, in their order
+//! - `phases`: bring-up, program, end, in their order, each a [`Phase`]
 //! - [`fault`], [`event`]: why it stopped, what it tells
 //! - [`functions`]: what M-codes switch, at their place on the path
 //! - `homing`: how axes come to know where they are
@@ -21,10 +21,12 @@
 //! - `threading`: lines in step with the spindle
 //! - `probing`: towards what a probe touches, and where that was
 //! - `jogs`: how far, how fast and how long axes are jogged
-//! - `node`, `sdo_sequence`: a drive over its bus; what it is asked by SDO
-//! - [`state`]: what operators may ask for, and when
+//! - `node`, `sdo_sequence`, `polls`: a device over its bus; what it is asked by SDO, and what instead of its T_PDOs
+//! - `setpoint_misses`: bursts that missed their SYNC; [`loss`]: in what time it is noticed that a device is gone
+//! - [`state`]: what operators may ask for, and when; `order`: what session and feeder order
 //! - [`job`]: what the machine works on, one after the other
 //! - `instruction`: what the program feeds to the cycle, and where the path rests for it
+//! - `user_codes`: M-codes that run a command outside
 //! - `point_to_point`: axes that go to targets beside the path
 //! - [`spindle`]: a spindle that a drive turns; `orientation`: one that is held at an angle
 //! - `axis`: planned position to increments, following error
@@ -87,8 +89,7 @@ pub use state::{NotNow, Request, State};
 pub use threading::{ThreadFailure, ThreadMove};
 pub use user_codes::UserCall;
 
-use crate::bus::{Burst, Outbox, Received};
-use crate::bus::{BusFault, Severity};
+use crate::bus::{Burst, BusFault, Outbox, Received, Severity};
 use crate::machine::MEASURED;
 use axis::AxisControl;
 use beside_path::BesidePath;

@@ -14,6 +14,7 @@
 //! - [`places`]: where a run was worst
 //! - [`provenance`]: where a result is from
 //! - [`operations`]: what the time of motion went into, by tool and by operation
+//! - `fourier`: spectra of stretches of rows
 //! - [`trace`]: every row as CSV
 //! - [`sampled`]: motion that is known by samples alone, against limits
 //! - [`record`]: every row for a report, and what must not be

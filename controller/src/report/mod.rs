@@ -6,7 +6,7 @@
 //! - `worst`: where the tool was furthest from the path
 //! - `strips`: values over time, which `script.js` draws from what `data` packs
 //! - `identified`: a page about an axis that was identified
-//! - `plot`, `spectrum`, `distribution`: values over anything else
+//! - `plot`, `spectrum`, `distribution`: values over anything else; `scale`: from values to places on the page
 //!
 //! All that stands still is in the page as it is written. The script draws the strips, so that they can be zoomed, and ties
 //! them to the tool path and to the program by one cursor.

@@ -15,6 +15,7 @@
 //! - `jobs`: programs and typed lines of a machine that stays on, one after the other
 //! - `job`: the program that runs: where on its moves the setpoint is
 //! - `remaining`: how long it still takes
+//! - [`Recorded`]: commands of a session that was recorded, given once more
 //!
 //! Whoever calls [`Session::advance`] lends the session its thread, and nothing in there waits: not
 //! for a subscriber, not for an operator, not for the planner of a machine in real time. So a

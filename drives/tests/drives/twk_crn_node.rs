@@ -12,8 +12,7 @@ use syncline_drives::twin::servo::motor::Motor;
 use syncline_drives::twin::twk_crn::{
     Commissioned, EncoderError, Policies, Resolution, Texts, Twin, TwinConfig, Version,
 };
-use syncline_drives::twin::{Config, Disturbance, DrivenAxis, SimulatedDevice};
-use syncline_drives::twin::{cia402_csp, lxm32m};
+use syncline_drives::twin::{Config, Disturbance, DrivenAxis, SimulatedDevice, cia402_csp, lxm32m};
 use syncline_drives::world::World;
 
 const INVALID: u32 = 0x0609_0030;

@@ -9,8 +9,9 @@ use std::io::Write as _;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 use syncline_controller::bench::rig::{Shape, Shuttle, ready_machine};
-use syncline_controller::control::{Controller, End, Event, Fault, Instruction, Order};
-use syncline_controller::control::{Pause, State, StopPoint, Switch};
+use syncline_controller::control::{
+    Controller, End, Event, Fault, Instruction, Order, Pause, State, StopPoint, Switch,
+};
 use syncline_drives::model::REFERENCE;
 use syncline_gcode::{Coolant, Output, Spindle, Turning};
 use syncline_tests::command::{Folder, ended, syncline};

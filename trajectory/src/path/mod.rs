@@ -9,6 +9,17 @@
 //!   handed over ends at rest,
 //! - [`executor`]: what the cycle calls: where every axis has to be at the path's own clock, and a
 //!   stop on the path at any instant,
+//!
+//! What the planner is made of, in the order of its work:
+//!
+//! - [`segment_fitting`]: short lines are taken for the curve that they were made from; [`blend`]: joints are rounded,
+//! - `bounds`: what the path allows along a whole segment; `override_transition`: down to a speed that is asked for now,
+//! - [`window`]: a stretch is planned, by [`time_parametrisation`] over its cells, and passed by [`certify`],
+//! - `plan`: what was handed over,
+//! - `brake`: the hardest slowing down along a path, for planner and executor.
+//!
+//! Beside the path:
+//!
 //! - [`jog`]: single axes in machine coordinates, from any state, and back to the path,
 //! - [`shaping`]: the setpoints through an input shaper, against vibrations.
 //!

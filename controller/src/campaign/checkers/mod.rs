@@ -13,8 +13,11 @@
 //! - `answers`: every command is accepted or refused in time
 //! - `velocities`: drives that are sent velocities turn where they are told to, and no faster than there is reason for
 //! - `outputs`: switched in the program's order and at their place, safe after every stop
+//! - `encoders`: those beside an axis are listened to
 //! - `bus`: SYNC on time, all setpoints or none, no bus fuller than full
 //! - `ending`: virtual time goes on, the machine goes off, and the observers agree
+//!
+//! They share `scene`, what is known of a case so far, and `script`, what its programs make of outputs.
 
 mod alarms;
 mod answers;

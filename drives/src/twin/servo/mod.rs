@@ -6,6 +6,7 @@
 //! - [`clock`]: what paces them: the drive's own oscillator, free or locked to SYNC
 //! - [`encoder`], [`shaft`]: what the loops read, and what they move; [`velocity`]: what is measured of it
 //! - [`motor`]: generic sets of figures
+//! - [`stability`]: how far the loops are from swinging by themselves
 //! - [`ramp`]: the drive's own profile generator; [`segment`]: from setpoint to setpoint
 //! - [`errors`]: what is wrong, and how it is told
 //! - [`firmware`]: what stands between them and the node, with the state machine of CiA 402;
