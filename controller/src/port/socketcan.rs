@@ -51,7 +51,7 @@ pub struct Options {
     pub receive: Vec<CobId>,
     /// Identifier of the controller's own heartbeat: from elsewhere it is received, too.
     pub heartbeat: CobId,
-    /// Identifiers of the burst: the R_PDOs. At most [`BURST_CAPACITY`].
+    /// Identifiers of the burst: the R_PDOs. At most [`BURST_CAPACITY`](crate::bus::BURST_CAPACITY).
     pub burst: Vec<CobId>,
 }
 
