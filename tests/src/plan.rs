@@ -31,6 +31,8 @@ pub struct Plan {
     pub limits: Limits<COORDINATES>,
     /// Where the machine stands before it.
     pub start: Position,
+    /// It goes to the program's end; otherwise to what has to be done before more can be planned: a thread, a probing, a homing.
+    pub is_whole: bool,
 }
 
 impl Plan {
@@ -51,6 +53,7 @@ impl Plan {
                 jerk: [f64::INFINITY; COORDINATES],
             },
             start,
+            is_whole: true,
         };
         for axis in &machine.axes {
             let coordinate = axis.letter.index();
@@ -65,13 +68,11 @@ impl Plan {
             let command = match instruction {
                 Instruction::Plan(command) => command,
                 Instruction::Mark { item, mark, .. } => Command::Mark { item, mark },
-                Instruction::Switch { .. }
-                | Instruction::Probe(_)
-                | Instruction::Thread(_)
-                | Instruction::Home { .. }
-                | Instruction::Found(_) => {
+                Instruction::Probe(_) | Instruction::Thread(_) | Instruction::Home { .. } => {
+                    plan.is_whole = false;
                     continue;
                 }
+                Instruction::Switch { .. } | Instruction::Found(_) => continue,
             };
             match command {
                 Command::Section { .. } => {

@@ -9,9 +9,10 @@ use super::{Exit, bad_input, report};
 use crate::control::{End, Event as MachineEvent, Layout};
 use crate::identify::estimate::estimate;
 use crate::identify::excitation::{self, Bounds};
-use crate::identify::log::Log;
-use crate::identify::{AxisSample, Identified, Subject};
-use crate::machine::{Machine, MachineState};
+use crate::identify::log::{Beside, Log};
+use crate::identify::velocity::Streamed;
+use crate::identify::{AxisSample, Identified, Moved, Subject};
+use crate::machine::{Axis, Machine, MachineState};
 use crate::observe::Observers;
 use crate::observe::axis_log::AxisLog;
 use crate::program::{Program, Programs};
@@ -20,6 +21,7 @@ use crate::run::virtual_time::VirtualMachine;
 use crate::run::{Progress, Timeline};
 use crate::session::{Command, Event, Session};
 use crossbeam::channel::Receiver;
+use serde::Serialize;
 use std::error::Error;
 use std::fs;
 use std::io::Write;
@@ -32,12 +34,13 @@ use syncline_gcode::Tables;
 /// How often it is looked after a machine in real time.
 const POLL: Duration = Duration::from_millis(1);
 
-/// Find out the inertia, friction and gravity of an axis by moving it.
+/// Find out the inertia, friction and gravity of an axis by moving it, or how it follows velocities.
 ///
 /// The axis makes strokes at several speeds, and strokes whose speed swings ever faster, within its limits and the bounds
 /// given here, through the same planner and controller as a program; Ctrl-C stops it as it stops a program. Its drive tells
 /// its torque with its position in every cycle meanwhile. From both follows what the motor moves, each number with the
-/// interval that holds the truth with 95 %.
+/// interval that holds the truth with 95 %. Of an axis whose drive is sent velocities it is the delay and the lag with which it
+/// follows them, by which its position loop is set.
 ///
 /// A machine whose buses are all simulated is identified in virtual time, unless --real-time says otherwise. With --log
 /// nothing moves: the log of another run is looked at.
@@ -75,10 +78,10 @@ pub(super) struct Args {
     /// Write the result as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Write the result as an HTML file, with how the axis answers torque over frequency.
+    /// Write the result as an HTML file, with how the axis answers torque over frequency; not of one whose drive is sent velocities.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
-    /// Change the axis's [axis.simulation] in the machine file to what was found.
+    /// Change the machine file to what was found: the axis's [axis.simulation], or the [model.…] table of its drive.
     #[arg(long)]
     update: bool,
     /// Move simulated drives in real time too.
@@ -103,6 +106,35 @@ fn positive(text: &str) -> Result<f64, String> {
     number.ok_or_else(|| "give a number above 0".to_owned())
 }
 
+/// What cannot be had of an axis whose drive is sent velocities, and what to do.
+#[derive(Debug, thiserror::Error)]
+enum Unfit {
+    /// It tells no torque.
+    #[error(
+        "--report: axis {0} is sent velocities and tells no torque that it could be shown to answer: leave --report out"
+    )]
+    NoResponse(String),
+    /// What would be updated is in another file.
+    #[error(
+        "--update: what is found belongs into the file that describes {0}: leave --update out, and write there what is told"
+    )]
+    Described(&'static str),
+}
+
+/// Why nothing is told of an axis.
+enum Untold {
+    /// What its log shows is not enough.
+    Log(Box<dyn Error>),
+    /// Something else.
+    Other(Box<dyn Error>),
+}
+
+impl<E: Into<Box<dyn Error>>> From<E> for Untold {
+    fn from(error: E) -> Self {
+        Self::Other(error.into())
+    }
+}
+
 /// What a run of the excitation came to.
 struct Seen {
     log: Log,
@@ -123,7 +155,19 @@ impl Args {
         let mut machine = Machine::load(&self.machine)?;
         self.ports.apply(&mut machine)?;
         let subject = Subject::of(&mut machine, &self.axis, self.rated_torque)?;
-        let axis = machine.axes[subject.axis].clone();
+        let beside = match subject {
+            Subject::Moved(_) => Beside::Torque,
+            Subject::Streamed(streamed) => {
+                if self.report.is_some() {
+                    return Err(Unfit::NoResponse(self.axis.clone()).into());
+                }
+                if let Some(model) = streamed.described(&machine).filter(|_| self.update) {
+                    return Err(Unfit::Described(model.name).into());
+                }
+                Beside::Velocity
+            }
+        };
+        let axis = machine.axes[subject.axis()].clone();
         let mut claims = Claims::of_machine(&self.machine);
         if let Some(log) = &self.log {
             claims = claims.reads("--log", log);
@@ -132,11 +176,11 @@ impl Args {
         let page = claims.open("--report", &self.report)?;
         let kept = claims.open("--write-log", &self.write_log)?;
         let log = match &self.log {
-            Some(file) => Log::read(&axis, file)?,
+            Some(file) => Log::read(&axis, beside, file)?,
             None => {
-                let seen = self.excite(&machine, &subject, &mut claims)?;
+                let seen = self.excite(&machine, &axis, &mut claims)?;
                 if let Some(kept) = kept {
-                    seen.log.write(&axis, &mut kept.begin()?)?;
+                    seen.log.write(&axis, beside, &mut kept.begin()?)?;
                 }
                 if let Some(exit) = self.cut_short(&seen, &machine)? {
                     return Ok(exit);
@@ -144,35 +188,73 @@ impl Args {
                 seen.log
             }
         };
-        let estimate = match estimate(&log.samples, &subject.shaft) {
-            Ok(estimate) => estimate,
-            Err(error) if self.log.is_some() => return Err(error.into()),
-            Err(error) => {
-                report(&error);
+        let told = match &subject {
+            Subject::Moved(moved) => self.tell_moved(&machine, moved, &log, json, page),
+            Subject::Streamed(axis) => self.tell_streamed(&machine, *axis, &log, json),
+        };
+        match told {
+            Ok(told) => claims.tell(&told),
+            Err(Untold::Log(error)) if self.log.is_none() => {
+                report(&*error);
                 return Ok(Exit::Stopped);
             }
-        };
-        let identified = Identified::new(&machine, &subject, &log.samples, estimate);
+            Err(Untold::Log(error) | Untold::Other(error)) => return Err(error),
+        }
+        Ok(Exit::Finished)
+    }
+
+    /// Tells what moves an axis whose drive tells its torque.
+    fn tell_moved(
+        &self,
+        machine: &Machine,
+        moved: &Moved,
+        log: &Log,
+        json: Option<Target>,
+        page: Option<Target>,
+    ) -> Result<String, Untold> {
+        let estimate = estimate(&log.samples, &moved.shaft);
+        let estimate = estimate.map_err(|error| Untold::Log(error.into()))?;
+        let identified = Identified::new(machine, moved, &log.samples, estimate);
         if let Some(page) = page {
             let mut page = page.begin()?;
             page.write_all(identified.to_html(&machine.name).as_bytes())?;
             page.flush()?;
         }
-        self.put(&identified, json)?;
-        claims.tell(&identified.to_string());
-        Ok(Exit::Finished)
+        self.put(&identified, identified.settings(), json)?;
+        Ok(identified.to_string())
     }
 
-    /// Writes what was found.
-    fn put(&self, identified: &Identified, json: Option<Target>) -> Result<(), Box<dyn Error>> {
+    /// Tells how an axis follows whose drive is sent velocities.
+    fn tell_streamed(
+        &self,
+        machine: &Machine,
+        axis: Streamed,
+        log: &Log,
+        json: Option<Target>,
+    ) -> Result<String, Untold> {
+        let layout = Layout::new(machine)?;
+        let drive = &layout.devices[machine.axes[axis.axis].drives[0]];
+        let followed = axis.find(machine, layout.lag - drive.delay, &log.samples);
+        let followed = followed.map_err(|error| Untold::Log(error.into()))?;
+        self.put(&followed, followed.changes(), json)?;
+        Ok(followed.to_string())
+    }
+
+    /// Writes what was found, and with `--update` the settings that say so.
+    fn put(
+        &self,
+        found: &impl Serialize,
+        settings: impl Iterator<Item = String>,
+        json: Option<Target>,
+    ) -> Result<(), Box<dyn Error>> {
         if let Some(json) = json {
             let mut json = json.begin()?;
-            json.write_all((serde_json::to_string_pretty(identified)? + "\n").as_bytes())?;
+            json.write_all((serde_json::to_string_pretty(found)? + "\n").as_bytes())?;
             json.flush()?;
         }
         if self.update {
             let mut text = fs::read_to_string(&self.machine)?;
-            for setting in identified.settings() {
+            for setting in settings {
                 text = syncline_strict_toml::set(&text, &setting)?;
             }
             // What cannot be read again is not written.
@@ -214,13 +296,12 @@ impl Args {
     fn excite(
         &self,
         machine: &Machine,
-        subject: &Subject,
+        axis: &Axis,
         claims: &mut Claims,
     ) -> Result<Seen, Box<dyn Error>> {
-        let axis = &machine.axes[subject.axis];
         let travel = self.travel.as_deref().map(|ends| (ends[0], ends[1]));
         let bounds = Bounds::of(axis, travel, self.speed)?;
-        let text = excitation::program(axis, &bounds, subject.shaft.cycle);
+        let text = excitation::program(axis, &bounds, machine.cycle.as_secs_f64());
         // Where the tables have work offsets, this has none.
         let programs = Programs::with_tables(machine, Tables::default());
         let program = programs.text("the excitation", text.as_bytes());

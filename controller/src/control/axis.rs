@@ -577,6 +577,12 @@ impl AxisControl {
                 [drive] => nodes[drive].told_torque(),
                 _ => None,
             },
+            velocity: match self.spec.drives[..] {
+                [drive] if nodes[self.telling(0)].age() == 0 => {
+                    position_loop::sent_velocity(&nodes[drive])
+                }
+                _ => None,
+            },
             by_itself: self.is_quick_stopped(nodes) || self.goes() || self.homes(nodes),
             ..AxisSample::default()
         };

@@ -360,6 +360,14 @@ fn swing(&[.., antiresonance, resonance, damping, highest]: &[Figure; 9]) -> Opt
 }
 
 impl Figure {
+    /// In another unit.
+    pub(super) fn times(self, scale: f64) -> Self {
+        Self {
+            value: scale * self.value,
+            uncertainty: scale * self.uncertainty,
+        }
+    }
+
     fn plus(self, more: f64) -> Self {
         Self {
             value: self.value + more,
@@ -368,7 +376,7 @@ impl Figure {
     }
 
     /// Uncertain by this too.
-    fn widened(self, more: f64) -> Self {
+    pub(super) fn widened(self, more: f64) -> Self {
         Self {
             uncertainty: self.uncertainty.hypot(more),
             ..self

@@ -84,17 +84,21 @@ impl Fit {
     /// A number that follows from the factors, with half of the interval about it that holds the truth with 95 % as far as
     /// that is a matter of noise.
     pub(super) fn figure(&self, read: impl Fn(&Factors) -> f64) -> Figure {
-        let count = self.left_out.len() as f64;
-        let values: Vec<f64> = self.left_out.iter().map(&read).collect();
-        let mean = values.iter().sum::<f64>() / count;
-        let squares: Vec<f64> = values.iter().map(|it| (it - mean).powi(2)).collect();
-        let sum: f64 = squares.iter().sum();
-        let fourth: f64 = squares.iter().map(|it| it * it).sum();
-        Figure {
-            value: read(&self.factors),
-            uncertainty: student_95(sum * sum / fourth) * (sum * (count - 1.0) / count).sqrt(),
-        }
+        let left_out: Vec<f64> = self.left_out.iter().map(&read).collect();
+        jackknife(read(&self.factors), &left_out)
     }
+}
+
+/// A number with half of the interval about it that holds the truth with 95 %, from what it is without one part of the data,
+/// each in turn (the jackknife).
+pub(super) fn jackknife(value: f64, left_out: &[f64]) -> Figure {
+    let count = left_out.len() as f64;
+    let mean = left_out.iter().sum::<f64>() / count;
+    let squares: Vec<f64> = left_out.iter().map(|it| (it - mean).powi(2)).collect();
+    let sum: f64 = squares.iter().sum();
+    let fourth: f64 = squares.iter().map(|it| it * it).sum();
+    let uncertainty = student_95(sum * sum / fourth) * (sum * (count - 1.0) / count).sqrt();
+    Figure { value, uncertainty }
 }
 
 /// Of Student's distribution with so many degrees of freedom, half of the interval that holds 95 %: the first terms of its

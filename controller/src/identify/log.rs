@@ -13,8 +13,17 @@ pub struct Log {
     pub samples: Vec<AxisSample>,
 }
 
+/// What a log has of an axis beside where it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Beside {
+    /// Its torque.
+    Torque,
+    /// The velocity that its drive was sent.
+    Velocity,
+}
+
 /// The names of the columns, with their units.
-fn columns(axis: &Axis) -> [String; 4] {
+fn columns(axis: &Axis, beside: Beside) -> [String; 4] {
     let (name, unit) = (
         axis.name(),
         if axis.letter.is_linear() { "mm" } else { "deg" },
@@ -23,7 +32,10 @@ fn columns(axis: &Axis) -> [String; 4] {
         "t_s".to_owned(),
         format!("{name}_set_{unit}"),
         format!("{name}_act_{unit}"),
-        format!("{name}_torque_permille"),
+        match beside {
+            Beside::Torque => format!("{name}_torque_permille"),
+            Beside::Velocity => format!("{name}_sent_{unit}_s"),
+        },
     ]
 }
 
@@ -32,17 +44,16 @@ impl Log {
     ///
     /// # Errors
     /// It cannot be written.
-    pub fn write(&self, axis: &Axis, to: &mut impl Write) -> io::Result<()> {
-        writeln!(to, "{}", columns(axis).join(","))?;
-        for AxisSample {
-            time,
-            set,
-            act,
-            torque,
-        } in &self.samples
-        {
-            if let Some(torque) = torque {
-                writeln!(to, "{time},{set},{act},{torque}")?;
+    pub fn write(&self, axis: &Axis, beside: Beside, to: &mut impl Write) -> io::Result<()> {
+        writeln!(to, "{}", columns(axis, beside).join(","))?;
+        for sample in &self.samples {
+            let AxisSample { time, set, act, .. } = sample;
+            let value = match beside {
+                Beside::Torque => sample.torque.map(f64::from),
+                Beside::Velocity => sample.velocity,
+            };
+            if let Some(value) = value {
+                writeln!(to, "{time},{set},{act},{value}")?;
             }
         }
         to.flush()
@@ -52,21 +63,22 @@ impl Log {
     ///
     /// # Errors
     /// It cannot be read, or lacks a column.
-    pub fn read(axis: &Axis, file: &Path) -> Result<Self, NotRecorded> {
+    pub fn read(axis: &Axis, beside: Beside, file: &Path) -> Result<Self, NotRecorded> {
         let recording = Recording::read(file, None)?;
-        let [time, set, act, torque] = columns(axis);
-        let [time, set, act, torque] = [
+        let [time, set, act, value] = columns(axis, beside);
+        let [time, set, act, value] = [
             recording.column(&time)?,
             recording.column(&set)?,
             recording.column(&act)?,
-            recording.column(&torque)?,
+            recording.column(&value)?,
         ];
         let samples = (0..recording.rows()).map(|row| AxisSample {
             time: time[row],
             set: set[row],
             act: act[row],
             // Floats beyond what it holds become its ends.
-            torque: Some(torque[row].round() as i16),
+            torque: (beside == Beside::Torque).then(|| value[row].round() as i16),
+            velocity: (beside == Beside::Velocity).then_some(value[row]),
         });
         Ok(Self {
             samples: samples.collect(),

@@ -1,4 +1,5 @@
-//! What an axis is, from how it moves: inertia, friction and gravity, for `syncline identify`.
+//! What an axis is, from how it moves, for `syncline identify`: inertia, friction and gravity where its drive tells its torque, delay
+//! and lag where that is sent velocities.
 //!
 //! - [`excitation`]: a program that shows it
 //! - [`log`]: what was seen of it
@@ -8,13 +9,17 @@
 //! - `fit`: how that is solved
 //! - [`response`](mod@response): how it answers torque over frequency, without a model
 //! - [`tuning`]: gains for what was found
+//! - [`velocity`]: an axis whose drive is sent velocities, and the settings for what was found of it
+//! - [`lag`]: how it follows them
 
 pub mod estimate;
 pub mod excitation;
 mod fit;
+pub mod lag;
 pub mod log;
 pub mod response;
 pub mod tuning;
+pub mod velocity;
 mod windows;
 
 pub use crate::observe::axis_log::AxisSample;
@@ -25,13 +30,24 @@ use response::{Response, response};
 use serde::Serialize;
 use std::f64::consts::TAU;
 use std::fmt;
+use syncline_drives::model::Drive;
 use syncline_drives::twin::servo::motor::Motor;
 use syncline_drives::twin::servo::stability::{Margins, Mode};
 use tuning::Tuned;
+use velocity::Streamed;
 
-/// An axis that can be identified, and what is known of it: what stands on the name plates of motor and drive.
+/// An axis that can be identified.
 #[derive(Clone, Debug)]
-pub struct Subject {
+pub enum Subject {
+    /// By the torque that its drive tells.
+    Moved(Box<Moved>),
+    /// By the velocities that its drive is sent.
+    Streamed(Streamed),
+}
+
+/// An axis whose drive tells its torque, and what is known of it: what stands on the name plates of motor and drive.
+#[derive(Clone, Debug)]
+pub struct Moved {
     /// Its index in [`Machine::axes`].
     pub axis: usize,
     /// What the estimator is told.
@@ -76,7 +92,8 @@ pub enum Unfit {
     PointToPoint(&'static str),
     /// Nobody tells the torque.
     #[error(
-        "axis {axis}: the PDOs of drive \"{drive}\" ({model}) do not tell its torque, which is needed to identify it"
+        "axis {axis}: drive \"{drive}\" ({model}) is sent positions, and its PDOs do not tell its torque, which is needed to \
+         identify it"
     )]
     NoTorque {
         /// The axis.
@@ -95,8 +112,8 @@ pub enum Unfit {
 }
 
 impl Subject {
-    /// The axis of that name, made ready to tell its torque; `rated_torque`, N·m, where the machine file names no motor or
-    /// another one.
+    /// The axis of that name, made ready to tell its torque if its drive can; `rated_torque`, N·m, where the machine file
+    /// names no motor or another one.
     ///
     /// # Errors
     /// It cannot be identified.
@@ -113,8 +130,29 @@ impl Subject {
         if machine.axes[index].motion == Motion::PointToPoint {
             return Err(Unfit::PointToPoint(name));
         }
+        let device = machine.device(drive);
+        if device.drive().and_then(Drive::dynamics).is_some() {
+            return Ok(Self::Streamed(Streamed { axis: index }));
+        }
+        let moved = Moved::of(machine, index, rated_torque)?;
+        Ok(Self::Moved(Box::new(moved)))
+    }
+
+    /// Its index in [`Machine::axes`].
+    #[must_use]
+    pub fn axis(&self) -> usize {
+        match self {
+            Self::Moved(moved) => moved.axis,
+            Self::Streamed(streamed) => streamed.axis,
+        }
+    }
+}
+
+impl Moved {
+    fn of(machine: &mut Machine, index: usize, rated_torque: Option<f64>) -> Result<Self, Unfit> {
         let tells = machine.tell_torque(index);
-        let (axis, drive) = (&machine.axes[index], &machine.drives[drive]);
+        let axis = &machine.axes[index];
+        let (name, drive) = (axis.name(), &machine.drives[axis.drives[0]]);
         if !tells {
             return Err(Unfit::NoTorque {
                 axis: name,
@@ -260,7 +298,7 @@ impl Identified {
     #[must_use]
     pub fn new(
         machine: &Machine,
-        subject: &Subject,
+        subject: &Moved,
         samples: &[AxisSample],
         estimate: Estimate,
     ) -> Self {

@@ -17,6 +17,8 @@ pub struct AxisSample {
     /// Actual torque in the axis's positive direction, in thousandths of the motor's rated torque; `None` where it is
     /// not known.
     pub torque: Option<i16>,
+    /// What its drive was sent for this SYNC, mm/s or °/s, if that is sent velocities; `None` where that or `act` is not known.
+    pub velocity: Option<f64>,
 }
 
 /// Hands on what one axis does.
@@ -44,6 +46,7 @@ impl AxisLog {
             set: axis.set,
             act: axis.act,
             torque: axis.torque,
+            velocity: axis.velocity,
         });
     }
 }

@@ -8,7 +8,7 @@ use syncline_controller::identify::estimate::{
     Estimate, Figure, NotEstimated, Shaft, Swing, estimate,
 };
 use syncline_controller::identify::excitation::{Bounds, program};
-use syncline_controller::identify::log::Log;
+use syncline_controller::identify::log::{Beside, Log};
 use syncline_controller::identify::response::response;
 use syncline_controller::identify::{AxisSample, Subject, Unfit};
 use syncline_controller::machine::Machine;
@@ -82,14 +82,23 @@ proptest! {
             set,
             act,
             torque: Some(torque),
+            velocity: None,
         });
         let log = Log { samples: samples.collect() };
+        let sent = |it: &AxisSample| AxisSample {
+            velocity: it.torque.map(|it| f64::from(it) / 7.0),
+            torque: None,
+            ..*it
+        };
+        let sent = Log { samples: log.samples.iter().map(sent).collect() };
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("log.csv");
-        let mut bytes = Vec::new();
-        log.write(&machine.axes[0], &mut bytes).unwrap();
-        std::fs::write(&file, bytes).unwrap();
-        prop_assert_eq!(Log::read(&machine.axes[0], &file).unwrap(), log);
+        for (beside, log) in [(Beside::Torque, log), (Beside::Velocity, sent)] {
+            let mut bytes = Vec::new();
+            log.write(&machine.axes[0], beside, &mut bytes).unwrap();
+            std::fs::write(&file, bytes).unwrap();
+            prop_assert_eq!(Log::read(&machine.axes[0], beside, &file).unwrap(), log);
+        }
     }
 }
 
@@ -171,6 +180,7 @@ fn moved(
                 set: act,
                 act: counted,
                 torque: Some((torque / SHAFT.rated_torque * 1e3).round() as i16),
+                velocity: None,
             });
         }
     }
@@ -218,15 +228,18 @@ fn the_torque_is_in_the_budget_and_a_drive_without_is_named() {
         "{before} bits, then {}",
         bits(&one)
     );
-    let file = Path::new("../examples/mixed/machine.toml");
-    let mut mixed = Machine::load(file).unwrap();
-    let names: Vec<_> = mixed.axes.iter().map(|axis| axis.name()).collect();
-    let refusals = names
-        .iter()
-        .map(|name| Subject::of(&mut mixed, name, Some(1.0)));
-    let refusals: Vec<_> = refusals.filter_map(Result::err).collect();
-    let is_named = |it: &&Unfit| matches!(it, Unfit::NoTorque { .. });
-    assert!(refusals.iter().any(|it| is_named(&it)), "{refusals:?}");
+    // A drive whose EDS has its current in the place of its torque.
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["machine.toml", "servo.toml", "servo.eds"] {
+        let text = std::fs::read_to_string(Path::new("../examples/described").join(name)).unwrap();
+        std::fs::write(folder.path().join(name), text.replace("6077", "6078")).unwrap();
+    }
+    let mut silent = Machine::load(&folder.path().join("machine.toml")).unwrap();
+    let refused = Subject::of(&mut silent, "Y", Some(1.0));
+    assert!(
+        matches!(refused, Err(Unfit::NoTorque { .. })),
+        "{refused:?}"
+    );
 }
 
 /// A motor and a load behind a spring with a damper, at the motor's shaft: inertias, stiffness, damping.
@@ -334,6 +347,7 @@ fn answering(
             set: act,
             act: (act / SHAFT.resolution).round() * SHAFT.resolution,
             torque: Some((torque / SHAFT.rated_torque * 1e3).round() as i16),
+            velocity: None,
         }
     };
     (0..rows).map(row).collect()

@@ -12,6 +12,7 @@ mod examples;
 mod fault_texts;
 mod heads;
 mod identify;
+mod identify_velocity;
 mod killed;
 mod lost_bus;
 mod machine_file;

@@ -170,6 +170,8 @@ impl Cia402Velocity {
                 // From a sample to the middle of the cycle in which it takes effect are one and a half.
                 gain: Dynamics::gain(lag + delay + (1.5 + line) * cycle),
                 quantum: units.recip(),
+                told_delay: &VELOCITY_DELAY,
+                told_lag: Some(&VELOCITY_LAG),
             },
             tells_following: mode == Mode::Synchronous && assumed.value(&TELLS_FOLLOWING) != 0,
             turns_spindle: settings.profile_velocity,

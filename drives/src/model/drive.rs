@@ -1,7 +1,7 @@
 //! Devices that move an axis: what they are told, what they say of themselves.
 
 use super::profile::cia402;
-use super::{Address, Data, Feedback, Increments, Io, OutOfRange, Write};
+use super::{Address, Assumption, Data, Feedback, Increments, Io, OutOfRange, Write};
 use core::fmt;
 use serde::{Deserialize, Serialize};
 use syncline_canopen::Frame;
@@ -179,6 +179,10 @@ pub struct Dynamics {
     pub gain: f64,
     /// The smallest difference of two velocities that it is sent, increments/s.
     pub quantum: f64,
+    /// What says how much later than a velocity is latched the drive goes there, µs: a part of [`Drive::latency`].
+    pub told_delay: &'static Assumption,
+    /// What says the lag, µs; `None` of a drive that has none.
+    pub told_lag: Option<&'static Assumption>,
 }
 
 impl Dynamics {

@@ -328,7 +328,7 @@ impl Model {
 
 /// A fact that the manual at hand leaves open: it has a name, so that a machine file can state it
 /// as the real drive has it.
-#[derive(Debug)]
+#[derive(Debug, PartialEq)]
 pub struct Assumption {
     /// The key in the machine file's `[model.<name>]` table.
     pub name: &'static str,

@@ -160,6 +160,8 @@ impl Tlc5xx {
                 // From a sample to the middle of the cycle in which it takes effect are one and a half.
                 gain: Dynamics::gain(lag + delay + 1.5 * cycle),
                 quantum: units.recip(),
+                told_delay: &VELOCITY_DELAY,
+                told_lag: Some(&POSITION_LAG),
             },
             remote: assumed.value(&REMOTE),
             targets: settings.point_to_point.then(Targets::default),

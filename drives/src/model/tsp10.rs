@@ -146,6 +146,8 @@ impl Tsp10 {
                 // From a sample to the middle of the cycle in which it takes effect.
                 gain: Dynamics::gain(delay + 1.5 * cycle),
                 quantum: units.recip(),
+                told_delay: &VELOCITY_DELAY,
+                told_lag: None,
             },
             state: None,
             targets: settings.point_to_point.then(Targets::default),

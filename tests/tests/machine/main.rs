@@ -25,6 +25,7 @@ mod heard;
 mod homed_in_turn;
 mod homing;
 mod identify;
+mod identify_velocity;
 mod in_effect;
 mod io_nodes;
 mod jogs;

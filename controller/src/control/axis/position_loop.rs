@@ -4,6 +4,13 @@
 use super::super::node::DeviceNode;
 use super::{AxisControl, OUTWARDS};
 
+/// The velocity that a drive was sent last, in whole units of its own, mm/s; `None` if it is sent positions.
+pub(super) fn sent_velocity(node: &DeviceNode) -> Option<f64> {
+    let quantum = node.dynamics()?.quantum;
+    let units = (node.setpoint.velocity / quantum).round();
+    Some(units * quantum / node.scaling().to_increments_per_second(1.0))
+}
+
 impl AxisControl {
     /// How fast a side is sent to where it has to be: 0 for a drive that is sent positions.
     ///

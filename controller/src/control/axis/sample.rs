@@ -15,6 +15,9 @@ pub struct AxisSample {
     /// What the drive of an axis of one drive told of its torque at this SYNC, in the axis's positive direction, in
     /// thousandths of the motor's rated torque; `None` where its T_PDOs carry none or did not come.
     pub torque: Option<i16>,
+    /// What the drive of an axis of one drive was sent as velocity for this SYNC, in whole units of its own, mm/s; `None` if it is
+    /// sent positions, or if where the axis was at this SYNC is not known.
+    pub velocity: Option<f64>,
     /// Its drives were quick-stopped and come to rest by themselves, or go to a target by themselves: they follow no
     /// setpoint; the one here is the actual position.
     pub by_itself: bool,

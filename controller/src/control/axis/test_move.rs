@@ -8,6 +8,7 @@
 use super::super::fault::{AxisCause, Fault};
 use super::super::node::DeviceNode;
 use super::AxisControl;
+use super::position_loop::sent_velocity;
 use crate::machine::TestMove;
 
 /// Where the test move of an axis is.
@@ -115,12 +116,9 @@ impl AxisControl {
         let mut worst = 1.0_f64;
         for side in 0..self.sides.len() {
             let node = &nodes[self.spec.drives[side]];
-            let Some(dynamics) = node.dynamics() else {
+            let Some(velocity) = sent_velocity(node) else {
                 continue;
             };
-            // Of the velocity that it was sent last, as its unit has it.
-            let units = (node.setpoint.velocity / dynamics.quantum).round();
-            let velocity = units * dynamics.quantum / node.scaling().to_increments_per_second(1.0);
             let went = self.actual(cycle, side, nodes) - way.began[side];
             let factor = went / nonzero(way.sent[side], node.scaling().resolution());
             if (went - way.sent[side]).abs() > test.most_off() {
