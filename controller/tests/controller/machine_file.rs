@@ -1,5 +1,6 @@
 //! The machine file as people write it, well and badly.
 
+use proptest::prelude::*;
 use std::f64::consts::TAU;
 use std::path::Path;
 use std::time::Duration;
@@ -1706,6 +1707,43 @@ fn analog_inputs_are_read_and_their_mistakes_told() {
     ] {
         let errors = with(&inputs).unwrap_err().to_string();
         assert!(errors.contains(told), "{told}: {errors}");
+    }
+}
+
+proptest! {
+    /// A course over time: what the input can take in, at times that ascend; nothing else.
+    #[test]
+    fn what_a_simulated_analog_input_tells_is_within_its_range(
+        full_scale in 1e-3..1e6f64,
+        // Shares of the latest time, and of the full scale; some are beyond.
+        mut points in prop::collection::vec((-0.1..1.1f64, -1.2..1.2f64), 1..5),
+        in_order in prop::bool::weighted(0.8),
+        edge in prop::sample::select(vec![None, Some((0.0, 1.0)), Some((1.0, -1.0))]),
+    ) {
+        if in_order {
+            points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        }
+        if let Some(edge) = edge {
+            // Both ends count.
+            points = vec![edge];
+        }
+        let points: Vec<_> = points.iter().map(|&(at, value)| (1e6 * at, full_scale * value)).collect();
+        let shown: Vec<_> = points.iter().map(|(at, value)| format!("[{at}, {value}]")).collect();
+        let input = format!(
+            "[[input]]\nname = \"force\"\nio = \"cabinet\"\nsignal = \"AI1\"\nfull_scale = {full_scale}\nnumber = 3\n\
+             simulated = [{}]\n\n",
+            shown.join(", ")
+        );
+        let read = parse(&MILL.replacen("[[input]]", &(input + "[[input]]"), 1));
+        let ascends = points.windows(2).all(|pair| pair[0].0 < pair[1].0);
+        let allowed = |&(at, value): &(f64, f64)| (0.0..=1e6).contains(&at) && value.abs() <= full_scale;
+        if ascends && points.iter().all(allowed) {
+            prop_assert_eq!(&read.unwrap().analog_inputs[0].simulated, &points);
+        } else {
+            let told = read.unwrap_err().to_string();
+            prop_assert!(told.contains("input \"force\": `simulated`"), "{}", told);
+            prop_assert!(told.contains("seconds ascending from 0 to 1000000"), "{}", told);
+        }
     }
 }
 

@@ -486,6 +486,8 @@ mod tests {
                 mapped.map(|it| it.data.bits() & 0xFF).sum::<u32>()
             };
 
+            // Whatever comes at every SYNC is awaited there, of either kind.
+            prop_assert_eq!(node.spec.answers_sync, inputs.max(analog_inputs as u16) != 0 && !by_event);
             prop_assert_eq!(bits(0x1A00) + bits(0x1A01), node.spec.t_pdos.iter().map(|it| u32::from(it.bytes) * 8).sum::<u32>());
             prop_assert_eq!(bits(0x1600) + bits(0x1601), node.spec.r_pdos.iter().map(|it| u32::from(it.bytes) * 8).sum::<u32>());
 

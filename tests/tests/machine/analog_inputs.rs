@@ -190,17 +190,23 @@ fn what_a_typed_line_found_the_next_one_knows() {
     assert_eq!(x(&rig), 4.0);
 }
 
-/// Without the node's T_PDO2 nothing is known, and it is missed as any other.
+/// Without the node's T_PDO2 nothing is known, and it is missed as any other, also where it is the only one.
 #[test]
 fn a_node_that_does_not_tell_them_is_a_fault() {
-    let mut rig = wired(&[], "G21 G90 F6000\nG1 X300\nM2\n");
-    rig.run_until(|rig| x(rig) > 50.0);
-    rig.twin(IO).disturb(Disturbance::Mute(true));
-    let fault = rig.finish_with_fault().describe(&*rig.layout);
-    assert!(
-        fault.contains("cabinet") && fault.contains("no T_PDO"),
-        "{fault}"
+    let alone = (
+        "[[input]]\nname = \"part\"\nio = \"cabinet\"\nsignal = \"DI4\"\nnumber = 5\n\n",
+        "",
     );
+    for more in [&[][..], &[alone]] {
+        let mut rig = wired(more, "G21 G90 F6000\nG1 X300\nM2\n");
+        rig.run_until(|rig| x(rig) > 50.0);
+        rig.twin(IO).disturb(Disturbance::Mute(true));
+        let fault = rig.finish_with_fault().describe(&*rig.layout);
+        assert!(
+            fault.contains("cabinet") && fault.contains("no T_PDO"),
+            "{fault}"
+        );
+    }
 }
 
 #[test]
@@ -232,6 +238,73 @@ fn the_budget_and_the_trace_have_them() {
         "{header}"
     );
     assert!(trace.lines().nth(1).unwrap().ends_with(",0,0"));
+}
+
+/// An input of one of two nodes: which node and place, and what is there, a share of its full scale.
+type Wired = (usize, usize, f64);
+
+/// No two at the same place.
+fn at_two_nodes() -> impl Strategy<Value = Vec<Wired>> {
+    let places: Vec<_> = (0..2)
+        .flat_map(|node| (0..4).map(move |place| (node, place)))
+        .collect();
+    let count = places.len();
+    (prop::sample::subsequence(places, 2..=count).prop_shuffle())
+        .prop_flat_map(|places| {
+            let shares = prop::collection::vec(-1.0..=1.0f64, places.len());
+            (Just(places), shares)
+        })
+        .prop_map(|(places, shares)| {
+            let wired = places.into_iter().zip(shares);
+            wired
+                .map(|((node, place), share)| (node, place, share))
+                .collect()
+        })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+
+    /// Whichever are wired to which of two nodes: each is what its own node tells at its own place, for a program by
+    /// number and by name, and in the status.
+    #[test]
+    fn each_is_told_by_its_own_node(wired in at_two_nodes(), by_event: [bool; 2]) {
+        let mut text = String::new();
+        for (node, by_event) in by_event.into_iter().enumerate() {
+            let inputs = if by_event { "event" } else { "sync" };
+            write!(
+                text,
+                "[[io]]\nname = \"io{node}\"\nbus = \"portal\"\nnode = {}\nmodel = \"cia401\"\ninputs = \"{inputs}\"\n\n",
+                9 + node
+            )
+            .unwrap();
+        }
+        let mut program = "G21\n".to_owned();
+        let mut is = Vec::new();
+        for (number, &(node, place, share)) in wired.iter().enumerate() {
+            let full_scale = 10.0 * (number + 1) as f64;
+            is.push(full_scale * share);
+            write!(
+                text,
+                "[[input]]\nname = \"in{number}\"\nio = \"io{node}\"\nsignal = \"AI{place}\"\nfull_scale = {full_scale}\n\
+                 number = {number}\nsimulated = [[0, {}]]\n\n",
+                full_scale * share
+            )
+            .unwrap();
+            write!(program, "M66 E{number} L0\n(debug, #5399)\n(debug, #<_hal[in{number}]>)\n").unwrap();
+        }
+        program += "M2\n";
+        let mut rig = Rig::new("portal", &[("[machine]\n", &*(text + "[machine]\n"))], &program, |_, _| ());
+        prop_assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+        let told: Vec<f64> = rig.messages.iter().map(|it| it.1.parse().unwrap()).collect();
+        let status = &rig.session.status().analog_inputs;
+        prop_assert_eq!((told.len(), status.len()), (2 * is.len(), is.len()));
+        for (number, is) in is.into_iter().enumerate() {
+            for told in [told[2 * number], told[2 * number + 1], status[number]] {
+                prop_assert!((told - is).abs() < 0.01, "in{}: {} for {}", number, told, is);
+            }
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug)]
