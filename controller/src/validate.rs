@@ -126,6 +126,7 @@ impl Inputs {
         let (mut timeline, mut observers) = session.end();
         observers.observe_gains(&self.machine, |drive| timeline.gains(drive));
         let frames = Some(timeline.frames().result());
+        observers.observe_rest(|| timeline.come_to_rest());
         let controller = timeline.controller();
         let (mut summary, report) = observers.finish(&self.machine, layout, controller, frames)?;
         summary.seed = Some(seed);

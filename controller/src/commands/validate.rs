@@ -246,13 +246,12 @@ impl Args {
         bar.finish_and_clear();
         commands.as_mut().map_or(Ok(()), CommandLog::follow)?;
         script.tell_left();
-        if let Some(error) = failure {
-            report(&*error);
-        }
+        failure.iter().for_each(|error| report(&**error));
         let (mut timeline, mut observers) = session.end();
         observers.observe_gains(&machine, |drive| timeline.gains(drive));
         let logged = timeline.frames().finish_log();
         let frames = Some(timeline.frames().result());
+        observers.observe_rest(|| timeline.come_to_rest());
         let controller = timeline.controller();
         let (mut summary, rows) = observers.finish(&machine, &layout, controller, frames)?;
         self.complete(&mut summary, &machine, again.as_ref())?;

@@ -210,6 +210,12 @@ impl FeedAxis {
         self.motor
     }
 
+    /// Whether a weight pulls at it, so that it moves where nothing holds it.
+    #[must_use]
+    pub fn has_weight(&self) -> bool {
+        self.gravity != 0.0
+    }
+
     /// Inertia of its rotor and of what is fixed to that, kg·m².
     #[must_use]
     pub fn rotor_inertia(&self) -> f64 {

@@ -11,7 +11,6 @@ use super::summary::{DriveSummary, GantrySummary};
 use crate::machine::{Axis, Drive, FeedAxis, Machine, Simulation, Validation};
 use syncline_drives::model::Increments;
 use syncline_drives::twin::Observation;
-use syncline_drives::twin::servo::motor::Motor;
 use syncline_drives::twin::servo::power_stage::DcBus;
 
 /// What is watched of all drives and gantries.
@@ -40,6 +39,19 @@ struct DriveWatch {
     /// Sum of the squares of its torque.
     squares: f64,
     watches: [Watch; 2],
+    /// Of an axis with a weight.
+    hanging: Option<Hanging>,
+}
+
+/// An axis that falls where nothing holds it.
+#[derive(Debug)]
+struct Hanging {
+    /// Of a revolution, mm or degrees.
+    travel: f64,
+    /// Where its motor was when its power stage was seen on last, revolutions from its encoder's zero.
+    held: Option<f64>,
+    /// How far it has moved from there until it hung, mm or degrees.
+    drop: Option<f64>,
 }
 
 /// The two sides of a gantry.
@@ -105,6 +117,23 @@ impl Drives {
         }
     }
 
+    /// Whether some axis falls where nothing holds it.
+    pub(super) fn hang(&self) -> bool {
+        self.drives.iter().any(|drive| drive.hanging.is_some())
+    }
+
+    /// Takes how the drives are, by their index, once the machine is off and nothing moves.
+    pub(super) fn rest(&mut self, drive: impl Fn(usize) -> Option<Observation>) {
+        for (index, watch) in self.drives.iter_mut().enumerate() {
+            if let Some(hanging) = &mut watch.hanging
+                && let Some(seen) = drive(index).filter(|it| !it.is_powered)
+            {
+                let fallen = hanging.held.map(|held| (seen.position - held).abs());
+                hanging.drop = fallen.map(|turns| turns * hanging.travel.abs());
+            }
+        }
+    }
+
     /// Ends the stretches that go on, and says what is wrong of the whole run.
     pub(super) fn close(&mut self, end: Place, violations: &mut Vec<Violation>) {
         for gantry in &mut self.gantries {
@@ -130,18 +159,23 @@ impl DriveWatch {
     fn new(machine: &Machine, drive: &Drive) -> Self {
         let simulation = machine.axes[drive.axis].simulation.as_ref();
         let own = simulation.and_then(Simulation::driven);
-        let own = own.as_ref().map(FeedAxis::motor);
-        let motor = own.unwrap_or_default();
+        let hanging = own.as_ref().is_some_and(FeedAxis::has_weight);
+        let motor = own.as_ref().map(FeedAxis::motor).unwrap_or_default();
         Self {
             name: drive.name.clone(),
             peak: motor.peak_torque,
             continuous: motor.continuous_torque,
-            most_speed: own.map(|it: Motor| it.no_load_speed(DcBus::default().nominal)),
+            most_speed: own.map(|it| it.motor().no_load_speed(DcBus::default().nominal)),
             tolerance: machine.validation,
             torque: Greatest::default(),
             speed: Greatest::default(),
             squares: 0.0,
             watches: Default::default(),
+            hanging: hanging.then(|| Hanging {
+                travel: drive.scaling.travel_per_revolution(),
+                held: None,
+                drop: None,
+            }),
         }
     }
 
@@ -150,6 +184,9 @@ impl DriveWatch {
         self.torque.look(torque, at);
         self.speed.look(speed, at);
         self.squares += torque * torque;
+        if let Some(hanging) = self.hanging.as_mut().filter(|_| seen.is_powered) {
+            hanging.held = Some(seen.position);
+        }
         let most_speed = self.most_speed.unwrap_or(f64::INFINITY);
         let looks = [
             ("torque", torque, self.tolerance.torque * self.peak, "N·m"),
@@ -204,6 +241,7 @@ impl DriveWatch {
             continuous_torque: self.continuous,
             max_speed_rpm: 60.0 * self.speed.value,
             speed_reserve: self.most_speed.map(|most| 1.0 - self.speed.value / most),
+            drop: self.hanging.as_ref().and_then(|it| it.drop),
         }
     }
 }

@@ -258,6 +258,15 @@ impl Observers {
         self.drives.observe(at, drive, &mut self.violations);
     }
 
+    /// Takes how the simulated drives are, by their index, once the machine is off and has come to rest: where an axis with a
+    /// weight hangs then. `come_to_rest` lets the time pass, and is called where there is such an axis.
+    pub fn observe_rest(&mut self, mut come_to_rest: impl FnMut() -> Vec<Option<Observation>>) {
+        if self.drives.hang() {
+            let drives = come_to_rest();
+            self.drives.rest(|drive| *drives.get(drive)?);
+        }
+    }
+
     /// The last row.
     fn last(&self) -> Place {
         Place {

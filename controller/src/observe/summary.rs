@@ -268,6 +268,9 @@ pub struct DriveSummary {
     /// What part was left of the speed at which its voltage is used up, if its power stage is simulated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub speed_reserve: Option<f64>,
+    /// How far its axis fell as it was switched off in the end, mm or degrees; in a validation, of an axis with a weight.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub drop: Option<f64>,
 }
 
 /// How the sides of a gantry agreed, as they truly were.
@@ -447,8 +450,11 @@ impl fmt::Display for DriveSummary {
             self.continuous_torque,
             self.max_speed_rpm,
         )?;
-        match self.speed_reserve {
-            Some(reserve) => write!(f, ", {:.0} % in reserve", 100.0 * reserve),
+        if let Some(reserve) = self.speed_reserve {
+            write!(f, ", {:.0} % in reserve", 100.0 * reserve)?;
+        }
+        match self.drop {
+            Some(drop) => write!(f, "; falls by {drop:.2} as it is switched off"),
             None => Ok(()),
         }
     }

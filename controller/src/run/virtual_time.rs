@@ -19,6 +19,9 @@ use syncline_drives::twin::Observation;
 use syncline_drives::twin::servo::cascade::Gains;
 use syncline_drives::world::{DeviceId, Observer, World};
 
+/// What a brake takes to grip, 1 s at the most (`brake_closing_ms`), and to stop what has fallen until then.
+const BRAKES: Duration = Duration::from_secs(2);
+
 /// A machine of simulated drives and the controller, with programs to run.
 ///
 /// The same machine, programs and seed give the same frames, byte for byte.
@@ -208,6 +211,15 @@ impl<P: Port> VirtualMachine<P> {
     #[must_use]
     pub fn frames(&self) -> &SharedFrames {
         &self.frames
+    }
+
+    /// Lets time pass for the devices alone, behind the end of the machine: until brakes have gripped and nothing moves. How
+    /// the drives are then, by their index, where they are simulated.
+    #[must_use]
+    pub fn come_to_rest(&mut self) -> Vec<Option<Observation>> {
+        self.driver.world.advance_to(self.now + BRAKES);
+        let drives = 0..self.drives.len();
+        drives.map(|drive| self.observe_drive(drive)).collect()
     }
 
     /// The gains of the drive with this index, if it is a servo drive.

@@ -3,10 +3,12 @@
 
 use proptest::prelude::*;
 use proptest::sample::select;
+use serde_json::Value;
 use std::f64::consts::TAU;
 use syncline_canopen::time::Duration;
 use syncline_controller::session::Command;
 use syncline_drives::twin::{Disturbance, ErrorClass};
+use syncline_tests::command::{Folder, ended, machine_with, syncline};
 use syncline_tests::rig::Rig;
 
 use super::day::{mdi, ready_with};
@@ -50,8 +52,8 @@ impl Hanging {
         })
     }
 
-    /// The portal with it behind that drive, ready and with Z in its middle.
-    fn ready(self, drive: &str) -> Rig {
+    /// What of the portal's file is otherwise with it behind that drive.
+    fn replaced(self, drive: &str) -> [(&'static str, String); 2] {
         let Self {
             load,
             weight,
@@ -63,10 +65,17 @@ impl Hanging {
             -weight
         );
         let drive = format!("node = 4\nmodel = \"{drive}\"");
-        let mut rig = ready_with(&[
-            ("max_velocity = 500.0", &hanging),
-            ("node = 4\nmodel = \"lxm32m\"", &drive),
-        ]);
+        [
+            ("max_velocity = 500.0", hanging),
+            ("node = 4\nmodel = \"lxm32m\"", drive),
+        ]
+    }
+
+    /// The portal with it behind that drive, ready and with Z in its middle.
+    fn ready(self, drive: &str) -> Rig {
+        let replaced = self.replaced(drive);
+        let replaced = replaced.each_ref().map(|(from, to)| (*from, &**to));
+        let mut rig = ready_with(&replaced);
         mdi(&mut rig, "G90 G0 Z-100");
         rig
     }
@@ -207,6 +216,35 @@ fn the_page_has_what_it_drops_each_way() {
         let mut rows = page.lines();
         let shown = rows.any(|line| line.contains(way.told()) && line.ends_with(&row));
         assert!(shown, "{}: {row}", way.told());
+    }
+}
+
+/// A validation tells what an axis with a weight falls as the machine is switched off in the end, and of no other axis.
+#[test]
+fn a_validation_tells_what_it_drops_in_the_end() {
+    let folder = Folder::new();
+    let part = folder.file("part.ngc", "G21 G90 G1 Z-20 F6000\nM2\n");
+    for drive in DRIVES {
+        let replaced = SHOWN.replaced(drive);
+        let replaced = replaced.each_ref().map(|(from, to)| (*from, &**to));
+        let machine = folder.file("machine.toml", &machine_with("portal", &replaced));
+        let result = folder.path("result.json");
+        let output = syncline()
+            .args(["validate".as_ref(), "--json".as_ref(), result.as_os_str()])
+            .args([&machine, &part])
+            .output()
+            .unwrap();
+        let (code, told, errors) = ended(&output);
+        assert_eq!(code, 0, "{errors}");
+        let json = std::fs::read_to_string(&result).unwrap();
+        let json: Value = serde_json::from_str(&json).unwrap();
+        let drops = [0, 1, 2, Z].map(|drive| json["drives"][drive]["drop"].as_f64());
+        assert_eq!(drops[..Z], [None; 3]);
+        let drop = drops[Z].unwrap();
+        let held = drop_of(SHOWN, drive, Way::SwitchOff);
+        assert!((drop - held).abs() < AT_REST, "{drive}: {drop}, {held}");
+        let line = format!("falls by {drop:.2} as it is switched off");
+        assert!(told.contains(&line), "{line}: {told}");
     }
 }
 
