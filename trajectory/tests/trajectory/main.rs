@@ -13,3 +13,4 @@ mod programs;
 mod shaping;
 mod synchronous;
 mod tolerances;
+mod waypoints;

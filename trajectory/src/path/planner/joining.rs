@@ -184,7 +184,8 @@ impl<const N: usize> Joiner<N> {
                         let scale = curve.length() / (2.0 * cut);
                         let mut ends = self.lay_pending(cut);
                         ends.iter_mut().for_each(|end| end.at *= scale);
-                        self.lay_rounding(&before, feed, curve, waypoints, &ends);
+                        let joint = (waypoints, self.waypoints);
+                        self.lay_rounding(&before, feed, curve, joint, &ends);
                         self.tell_ends_in_rounding(before.tag, curve.length(), cut, &part_ends);
                         taken = cut;
                     } else {
@@ -303,18 +304,19 @@ impl<const N: usize> Joiner<N> {
         self.laid.push(Laid::Ends(length, told.collect()));
     }
 
-    /// Lays the rounding between a move and one that is programmed with `feed`. Both give up the same length for
-    /// it, so the programmed feed changes in its middle, and the other moves that end on it end before that.
+    /// Lays the rounding between a move and one that is programmed with `feed`, with so many waypoints before the one
+    /// and the other. Both give up the same length for it, so its middle stands for the joint: there the programmed
+    /// feed changes and the waypoints between them are, and the other moves that end on it end before that.
     fn lay_rounding(
         &mut self,
         before: &Move<N>,
         feed: Feed,
         curve: Curve<N>,
-        waypoints: u32,
+        (waypoints, behind): (u32, u32),
         ends: &[MoveEnd],
     ) {
         let tag = before.tag;
-        if before.feed == feed {
+        if before.feed == feed && waypoints == behind {
             self.lay(curve, feed, tag, waypoints, ends);
             return;
         }
@@ -322,7 +324,7 @@ impl<const N: usize> Joiner<N> {
         let middle = 0.5 * length;
         let halves = [(0.0, middle), (middle, length)].map(|(from, to)| curve.part(from, to));
         self.lay(halves[0], before.feed, tag, waypoints, ends);
-        self.lay(halves[1], feed, tag, waypoints, &[]);
+        self.lay(halves[1], feed, tag, behind, &[]);
     }
 
     fn lay(&mut self, curve: Curve<N>, feed: Feed, tag: u32, waypoints: u32, ends: &[MoveEnd]) {
