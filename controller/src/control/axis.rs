@@ -537,8 +537,13 @@ impl AxisControl {
     }
 
     /// Hands the drives what SYNC `cycle` latches, if they `move_on` and it could be prepared; otherwise they
-    /// keep their last position.
-    pub(super) fn hand_over(&mut self, cycle: u64, move_on: bool, nodes: &mut [DeviceNode]) {
+    /// keep their last position. Whether one of them is sent another position than before.
+    pub(super) fn hand_over(
+        &mut self,
+        cycle: u64,
+        move_on: bool,
+        nodes: &mut [DeviceNode],
+    ) -> bool {
         if !(self.moves_on && move_on) {
             self.history.propose_rest();
             let (quick_stopped, homes) = (self.is_quick_stopped(nodes), self.homes(nodes));
@@ -551,13 +556,17 @@ impl AxisControl {
                     nodes[drive].setpoint.velocity = self.velocity(cycle, side, nodes);
                 }
             }
-            return self.history.hand_over(cycle);
+            self.history.hand_over(cycle);
+            return false;
         }
         self.history.hand_over(cycle);
+        let mut changes = false;
         for (side, &drive) in self.sides.iter_mut().zip(&self.spec.drives) {
+            changes |= nodes[drive].setpoint.position != side.next.position;
             nodes[drive].setpoint = side.next;
             side.guard.push(side.next.position);
         }
+        changes
     }
 
     /// Whether its drives come to rest by themselves.

@@ -270,6 +270,9 @@ pub struct Controller<const N: usize> {
     row: Option<Row<N>>,
     /// The last cycle in which setpoints moved.
     moved: u64,
+    /// Axes are sent other setpoints for the next SYNC than for the last one: those that wait for a later drive go on
+    /// where the plan rests.
+    setpoints_change: bool,
     in_position: u32,
     /// The last mark of the plan; there is never another one behind it before it is passed.
     stop_point: Option<(u32, StopPoint)>,
@@ -359,6 +362,7 @@ impl<const N: usize> Controller<N> {
             left_out: false,
             row: None,
             moved: 0,
+            setpoints_change: false,
             in_position: 0,
             stop_point: None,
             homing: Homing::new(layout.axes.iter().map(|axis| axis.drives.len())),
@@ -621,6 +625,7 @@ impl<const N: usize> Controller<N> {
             return Ok(());
         }
         let mut outcome = Ok(());
+        self.setpoints_change = false;
         if self.frozen {
             outcome = self.plan_axes();
         } else {
@@ -673,7 +678,7 @@ impl<const N: usize> Controller<N> {
             outcome = outcome.and(prepared);
         }
         for axis in &mut self.axes {
-            axis.hand_over(self.cycle + 1, move_on, &mut self.nodes);
+            self.setpoints_change |= axis.hand_over(self.cycle + 1, move_on, &mut self.nodes);
         }
         outcome
     }
@@ -712,7 +717,8 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// Lets the nodes of a bus ask, as many as there is room for, in turn.
+    /// Lets the nodes of a bus ask, as many as there is room for, in turn. Beside setpoints that change only those are
+    /// asked that are asked all the time, for which each cycle has room.
     fn ask_nodes(
         &mut self,
         now: Instant,
@@ -733,7 +739,9 @@ impl<const N: usize> Controller<N> {
         let first = self.turn[bus];
         let mut events = event_sink(&mut self.events);
         for place in (0..devices.len()).map(|turn| (first + turn) % devices.len()) {
-            if self.nodes[devices[place]].ask(now, left > 0, tx, &mut events)? {
+            let node = &mut self.nodes[devices[place]];
+            let may_send = left > 0 && (!self.setpoints_change || node.is_polled());
+            if node.ask(now, may_send, tx, &mut events)? {
                 left -= 1;
                 self.turn[bus] = place + 1;
             }

@@ -410,6 +410,11 @@ impl DeviceNode {
         self.device.spec().monitoring
     }
 
+    /// Whether it is asked all the time for what others tell by themselves.
+    pub(super) fn is_polled(&self) -> bool {
+        matches!(self.monitoring(), Monitoring::Poll(_))
+    }
+
     /// Whether the drive reports what is `awaited`.
     pub(super) fn has_reached(&self, awaited: AwaitedState) -> bool {
         let Some(drive) = self.device.drive() else {

@@ -1,8 +1,9 @@
 //! Axes that go point to point beside the portal: U and V on two TLC53x, W on a TSP10-CBE.
 
 use super::day::{go, settle, state};
+use super::velocity;
 use proptest::prelude::*;
-use syncline_canopen::CobId;
+use syncline_canopen::{CanId, CobId};
 use syncline_controller::control::fault::AxisCause;
 use syncline_controller::control::{
     End, Event, Fault, KnownBy, Refusal as OrderRefusal, Row, State,
@@ -114,6 +115,19 @@ at = -32.5
 pub(super) const CHANGES: [(&str, &str); 2] = [
     ("cycle_us = 2000", "cycle_us = 4000"),
     ("[[axis]]\nname = \"X\"\n", TABLES),
+];
+
+/// Y on a drive that goes in a straight line from one velocity to the next: a cycle later than the others.
+const LATE: [(&str, &str); 3] = [
+    (
+        "node = 3\nmodel = \"lxm32m\"",
+        "node = 3\nmodel = \"cia402_csv\"",
+    ),
+    (velocity::SUPERVISED, velocity::UNSUPERVISED),
+    (
+        "[machine]",
+        "[model.cia402_csv]\nencoder_increments = 131072\n\n[machine]",
+    ),
 ];
 
 fn portal(program: &str) -> Rig {
@@ -648,6 +662,50 @@ proptest! {
             let goers = [U, V, W].iter().filter(|&&axis| row.axes[axis].by_itself).count();
             prop_assert!(goers <= 1);
         }
+    }
+
+    /// In a cycle with a request by SDO, or with its answer, no drive is sent another setpoint than in the one before, also where
+    /// setpoints wait for a drive that is later than theirs, as Y is here: they go on when the plan rests already.
+    #[test]
+    fn profiles_are_told_while_every_setpoint_rests(
+        moves in prop::collection::vec((10..60i32, 10..60i32, -60..-10i32, 10..50i32), 1..4),
+        feed in prop::option::of(600.0..20_000.0f64),
+    ) {
+        let mut program = "G21 G90 G94\n".to_owned();
+        for (x, y, z, u) in moves {
+            let along = feed.map_or("G0".to_owned(), |feed| format!("G1 F{feed:.0}"));
+            program += &format!("{along} X{x} Y{y} Z{z}\nG0 U{u}\n");
+        }
+        let changes = [&CHANGES[..], &LATE[..]].concat();
+        let mut rig = Rig::staying_on("portal", &changes, |_, _| ());
+        settle(&mut rig);
+        prop_assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+        let first = rig.frames().len();
+        rig.command(Command::Mdi(program));
+        settle(&mut rig);
+        let nodes: Vec<_> = [0, 1, 3].iter().map(|&drive| rig.machine.drives[drive].node).collect();
+        // U and V alone: W is asked all the time.
+        let asked: Vec<_> = [DRIVE, DRIVE + 1].iter().map(|&drive| rig.machine.drives[drive].node).collect();
+        let (mut requests, mut changed, mut told) = (0, false, vec![None; nodes.len()]);
+        let mut all = 0;
+        for sent in &rig.frames()[first..] {
+            let id = sent.frame.id();
+            if id == CanId::from(CobId::SYNC) {
+                prop_assert!(!(changed && requests > 0), "{requests} requests and answers at {:?}", sent.start);
+                (requests, changed) = (0, false);
+            }
+            if asked.iter().any(|&node| [CobId::r_sdo(node), CobId::t_sdo(node)].map(CanId::from).contains(&id)) {
+                requests += 1;
+                all += 1;
+            }
+            for (&node, told) in nodes.iter().zip(&mut told) {
+                if id == CanId::from(CobId::r_pdo(2, node)) {
+                    let setpoint = sent.frame.data()[2..].to_vec();
+                    changed |= told.replace(setpoint.clone()).is_some_and(|before| before != setpoint);
+                }
+            }
+        }
+        prop_assert!(all > 0);
     }
 
     /// A drive that is cut off from its R_PDOs at any time of a long move, and held then: there is a fault within the

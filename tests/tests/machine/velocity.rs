@@ -16,9 +16,9 @@ const Y: usize = 1;
 const LXM32M: &str = "node = 3\nmodel = \"lxm32m\"\nzero = 402_131";
 const TLC53X: &str = "node = 3\nmodel = \"tlc5xx\"\nzero = 50_266";
 
-const SUPERVISED: &str = "following_error_limit = 2.0\nstandstill_window = 0.05\n\
+pub(super) const SUPERVISED: &str = "following_error_limit = 2.0\nstandstill_window = 0.05\n\
     drive_following_error = true\ndrive_soft_limits = true\n\n[[axis]]\nname = \"Z\"";
-const UNSUPERVISED: &str =
+pub(super) const UNSUPERVISED: &str =
     "following_error_limit = 2.0\nstandstill_window = 0.05\n\n[[axis]]\nname = \"Z\"";
 
 /// Y of the portal on the drive.

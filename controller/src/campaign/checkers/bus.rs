@@ -3,7 +3,8 @@
 //!
 //! A frame that is on its way is not interrupted. So beside a request by SDO and its answer the last
 //! setpoint of a cycle may come behind its SYNC where a bus is nearly full, which is why none is sent
-//! while anything moves; and what SYNC waits for is carried on top of a cycle. Where a drive is asked for
+//! while anything moves: in a cycle with such a frame the setpoints are those of the cycle before, so that one
+//! that comes late changes nothing. What SYNC waits for is carried on top of a cycle. Where a drive is asked for
 //! its position all the time the bus has to have room for that in each cycle.
 
 use super::super::stage::Played;
@@ -24,6 +25,8 @@ pub(super) struct Bus {
     /// By bus: a request by SDO, or an answer, was carried since the last SYNC, and before it since the one
     /// before.
     requests: Vec<[bool; 2]>,
+    /// By bus: one was carried on any of the buses since the last SYNC.
+    asked: Vec<bool>,
 }
 
 /// Whether a frame is a request by SDO, or an answer to one, to or of a device that is not asked all the time.
@@ -40,14 +43,14 @@ impl Bus {
         Self {
             syncs: vec![None; machine.buses.len()],
             requests: vec![[false; 2]; machine.buses.len()],
+            asked: vec![false; machine.buses.len()],
         }
     }
 
-    /// A request by SDO, or an answer: then nothing may move.
-    fn request(&mut self, scene: &Scene<'_>, bus: usize, found: &mut Found) {
-        self.requests[bus][0] = true;
-        let moves = scene.drives.iter().position(|drive| drive.moves);
-        if let Some(drive) = moves.filter(|_| scene.case.is_untroubled()) {
+    /// There was a request by SDO, or an answer, since the last SYNC: then no setpoint of this one is another.
+    fn requested(scene: &Scene<'_>, bus: usize, found: &mut Found) {
+        let mut drives = scene.drives_of(bus).iter();
+        if let Some(&drive) = drives.find(|drive| scene.drives[**drive].moves) {
             found.violate(NAME, scene, "a request by SDO while axes move", || {
                 let name = &scene.machine.drives[drive].name;
                 format!("bus {bus}: drive {name} moves")
@@ -59,7 +62,8 @@ impl Bus {
 impl Checker for Bus {
     fn frame(&mut self, scene: &Scene<'_>, bus: usize, sent: &Transmission, found: &mut Found) {
         if is_request(scene, bus, sent) {
-            self.request(scene, bus, found);
+            self.requests[bus][0] = true;
+            self.asked.fill(true);
         }
         if sent.frame.id() != CanId::from(CobId::SYNC) {
             return;
@@ -87,6 +91,9 @@ impl Checker for Bus {
     fn sync(&mut self, scene: &Scene<'_>, bus: usize, found: &mut Found) {
         let [now, before] = self.requests[bus];
         self.requests[bus] = [false, now];
+        if std::mem::take(&mut self.asked[bus]) && scene.case.is_untroubled() {
+            Self::requested(scene, bus, found);
+        }
         if !scene.case.is_untroubled() || now || before {
             return;
         }
