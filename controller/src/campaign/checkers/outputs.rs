@@ -24,6 +24,13 @@ const SHORT: f64 = 3.0;
 const EARLY: f64 = 2.0;
 /// How many cycles' ways the setpoints may be off the place of a code.
 const OFF: f64 = 2.0;
+/// Variances of a shaper's delays, parts of the squared period of a mode: those without damping, which makes them smaller.
+const VARIANCES: [(&str, f64); 4] = [
+    ("zv", 1.0 / 16.0),
+    ("zvd", 1.0 / 8.0),
+    ("ei", 0.132),
+    ("two_hump_ei", 0.223),
+];
 /// R_PDOs until outputs are safe: that of the cycle that finds the cause, and the next one.
 const UNTIL_SAFE: u32 = 1;
 /// The same where bursts were lost or late.
@@ -50,6 +57,8 @@ pub(super) struct Outputs {
     to_be_safe: bool,
     /// By axis: where its setpoints were at the last SYNCs, mm.
     ways: Vec<VecDeque<f64>>,
+    /// By axis: how far a shaper has its setpoints off where they were the mean of its delay ago, mm.
+    shaped: Vec<f64>,
 }
 
 /// An output of the machine.
@@ -225,6 +234,7 @@ impl Outputs {
             aside: false,
             to_be_safe: true,
             ways: vec![VecDeque::new(); machine.axes.len()],
+            shaped: shaped(scene),
         }
     }
 
@@ -375,17 +385,20 @@ impl Outputs {
         }
     }
 
-    /// Whether setpoints are where a step begins.
+    /// Whether setpoints are where a step begins, as far as the places of the axes are known.
     fn is_at(&self, scene: &Scene<'_>, place: &[Option<f64>], tolerance: f64) -> bool {
         let axes = scene.machine.axes.iter().zip(place).zip(&self.ways);
-        let mut axes = axes.filter_map(|((axis, place), ways)| Some((axis, (*place)?, ways)));
-        axes.all(|(axis, place, ways)| {
+        let axes = axes.enumerate();
+        let mut axes =
+            axes.filter_map(|(index, ((axis, place), ways))| Some((index, axis, (*place)?, ways)));
+        axes.all(|(index, axis, place, ways)| {
             let steps = ways.iter().zip(ways.iter().skip(1));
             let most = steps
                 .map(|(from, to)| (to - from).abs())
                 .fold(0.0, f64::max);
             let resolution = scene.machine.drives[axis.drives[0]].scaling.resolution();
-            let allowed = tolerance + OFF * (most + resolution);
+            let off = scene.uncertainty[index] + self.shaped[index];
+            let allowed = tolerance + off + OFF * (most + resolution);
             ways.back().is_none_or(|at| (at - place).abs() <= allowed)
         })
     }
@@ -413,14 +426,32 @@ impl Outputs {
                 }
                 let shows = to > from && !stays;
                 let at = !(calm && shows) || self.is_at(scene, &step.place, step.tolerance);
-                let known = reached.iter().any(|(it, _)| *it == to);
-                if looks(&step.state) && at && !known {
+                if looks(&step.state) && at {
+                    // On one of the ways there it has been for the longest.
                     let since = if to == from { since } else { scene.now };
-                    reached.push((to, since));
+                    match reached.iter_mut().find(|(it, _)| *it == to) {
+                        Some((_, known)) => *known = since.min(*known),
+                        None => reached.push((to, since)),
+                    }
                 }
             }
         }
         (!reached.is_empty()).then_some(reached)
+    }
+
+    /// Whether a group may have come behind the last state that is known.
+    fn may_be_behind(&self, scene: &Scene<'_>, job: &Job, group: usize) -> bool {
+        let (cycle, calm) = (scene.period(), is_calm(scene));
+        let steps = &job.script.steps;
+        let mut at = job.at[group].iter();
+        job.script.is_open
+            && at.any(|&(from, since)| {
+                let Some([step, behind @ ..]) = steps.get(from..) else {
+                    return true;
+                };
+                let over = scene.since(since) + EARLY * cycle >= step.lasts;
+                !calm || over && behind.iter().all(|step| step.lasts < SHORT * cycle)
+            })
     }
 
     /// Outputs of a job at work.
@@ -447,6 +478,9 @@ impl Outputs {
                     job.at[group] = reached;
                 }
                 None if is_before => {}
+                None if self.may_be_behind(scene, &job, group) => {
+                    job.at[group] = vec![(job.script.steps.len() - 1, scene.now)];
+                }
                 None => {
                     let what = "an output out of the program's order, place or time";
                     found.violate(NAME, scene, what, || self.describe(&job, group));
@@ -552,6 +586,25 @@ fn wired(machine: &Machine) -> (Vec<Output>, Vec<(usize, usize)>) {
     let mut all: Vec<_> = digital.chain(analog).chain(speed).collect();
     all.sort_by_key(|(_, wired)| *wired);
     all.into_iter().unzip()
+}
+
+/// By axis: half of its acceleration times the variance of the shaper's delays, mm. By so much at most a mean of positions
+/// is off that of the mean delay, by Taylor's theorem.
+fn shaped(scene: &Scene<'_>) -> Vec<f64> {
+    let shaper = scene.case.machine.shaper.iter();
+    let modes = shaper.flat_map(|shaper| {
+        let mut kinds = VARIANCES.iter();
+        let part = kinds.find(|(kind, _)| *kind == shaper.kind);
+        let part = part.map_or(f64::INFINITY, |it| it.1);
+        let modes = shaper.modes.iter();
+        modes.map(move |(frequency, damping)| {
+            part / (frequency * frequency * (1.0 - damping * damping))
+        })
+    });
+    let variance: f64 = modes.sum();
+    let axes = scene.machine.axes.iter();
+    axes.map(|axis| 0.5 * axis.limits.acceleration * variance)
+        .collect()
 }
 
 /// What the drive of a spindle counts at 1/min.
