@@ -97,30 +97,6 @@ pub struct Events {
 }
 
 impl NodeTraffic {
-    /// A node with one T_PDO2 and one R_PDO2 of `bytes` bytes each at their default identifiers,
-    /// every cycle: an interpolated axis.
-    #[must_use]
-    pub fn interpolated(node: NodeId, bytes: u8, response: Duration) -> Self {
-        Self {
-            node,
-            divider: 1,
-            response,
-            pdos: vec![
-                Pdo {
-                    direction: Direction::Transmit,
-                    cob_id: CobId::t_pdo(2, node),
-                    bytes,
-                },
-                Pdo {
-                    direction: Direction::Receive,
-                    cob_id: CobId::r_pdo(2, node),
-                    bytes,
-                },
-            ],
-            events: None,
-        }
-    }
-
     /// How many times in a cycle a PDO of it travels at most.
     fn times(&self, pdo: Pdo) -> u32 {
         match pdo.direction {

@@ -14,8 +14,27 @@ fn axes(count: u8, cycle_ms: u64) -> Traffic {
         bit_rate: 1_000_000,
         cycle: Duration::from_millis(cycle_ms),
         nodes: (1..=count)
-            .map(|id| NodeTraffic::interpolated(NodeId::new(id).unwrap(), 6, RESPONSE))
+            .map(|id| interpolated(NodeId::new(id).unwrap(), 6, RESPONSE))
             .collect(),
+    }
+}
+
+/// A node with one T_PDO2 and one R_PDO2 of so many bytes each at their default identifiers, every cycle.
+fn interpolated(node: NodeId, bytes: u8, response: Duration) -> NodeTraffic {
+    let pdo = |direction, cob_id| Pdo {
+        direction,
+        cob_id,
+        bytes,
+    };
+    NodeTraffic {
+        node,
+        divider: 1,
+        response,
+        pdos: vec![
+            pdo(Direction::Transmit, CobId::t_pdo(2, node)),
+            pdo(Direction::Receive, CobId::r_pdo(2, node)),
+        ],
+        events: None,
     }
 }
 
@@ -323,7 +342,7 @@ proptest! {
         let response = Duration::from_micros(response);
         let nodes = (1..).zip(&pdos).map(|(id, &(t, r))| {
             let node = NodeId::new(id).unwrap();
-            let mut traffic = NodeTraffic::interpolated(node, t, response);
+            let mut traffic = interpolated(node, t, response);
             traffic.pdos[1].bytes = r;
             traffic
         });
