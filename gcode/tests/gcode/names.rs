@@ -53,7 +53,7 @@ fn read(program: &str, found: &[[f64; 3]]) -> Result<(Vec<[f64; 3]>, Vec<u32>), 
 
 #[test]
 fn values_of_the_machine_file_are_known_at_once() {
-    let program = "G0 X[#<_ini[axis.X]max_velocity> / 100] Y#<_INI[ AxisLetter.x ]soft_limits[1]>\n\
+    let program = "G0 X[#<_ini[axis.X]max_velocity> / 100] Y#<_INI[ Axis.x ]soft_limits[1]>\n\
                    G0 Z[EXISTS[#<_ini[axis.X]drive_soft_limits>] + EXISTS[#<_ini[axis.Y]max_velocity>]]\nM2\n";
     let (went, lines) = read(program, &[]).unwrap();
     assert_eq!(went, [[7.0, 1500.0, 0.0], [7.0, 1500.0, 1.0]]);
