@@ -1,3 +1,5 @@
+//! Where two data sheets differ, told object by object.
+
 use super::{Eds, Parameter, Value};
 use crate::dictionary::Address;
 use core::fmt;

@@ -1,3 +1,5 @@
+//! A data sheet read from a file: INI sections to objects, each mistake with its line.
+
 use super::{Access, Eds, Object, ObjectType, Parameter, Value, is_integer};
 use std::collections::BTreeMap;
 use thiserror::Error;

@@ -1,3 +1,5 @@
+//! A data sheet written as a file, in the order that CiA 306 has.
+
 use super::{Eds, Object, Parameter, Value};
 use core::fmt;
 

@@ -1,3 +1,5 @@
+//! The master's side of a transfer: expedited, segmented or by blocks, one at a time for each node.
+
 use super::{
     AbortCode, crc,
     wire::{self, Message},

@@ -1,3 +1,5 @@
+//! The node's side of a transfer: it answers what it is asked, and keeps the state of one transfer.
+
 use super::{
     AbortCode, crc,
     wire::{self, Message},
