@@ -388,7 +388,6 @@ fn what_a_program_switches_is_on_the_trace() {
     let expected = [
         "3,0,0,0,0",
         "3,0,0,0,2",
-        "5,0,0,0,2",
         "5,900,2,0,2",
         "5,0,0,0,2",
         "5,0,0,7,2",
