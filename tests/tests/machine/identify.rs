@@ -505,7 +505,7 @@ fn a_machine_file_that_is_updated_has_the_plant_that_was_found() {
 }
 
 /// What `identify` says of a machine, and its exit code.
-fn told(machine: &Path, options: &[&str]) -> (i32, String) {
+pub(super) fn told(machine: &Path, options: &[&str]) -> (i32, String) {
     let mut command = syncline();
     let output = command.arg("identify").args(options).arg(machine).output();
     let output = output.unwrap();

@@ -1,5 +1,6 @@
 //! `syncline identify` of axes whose drives are sent velocities.
 
+use super::identify::told;
 use proptest::prelude::*;
 use serde_json::Value;
 use std::path::Path;
@@ -89,7 +90,7 @@ fn what_is_found_makes_no_axis_worse() {
     }
     let program = folder.path("plate.ngc");
     let before = following_error(&machine, &program, "X");
-    let (code, errors) = refused(&machine, &["--axis", "X", "--update"]);
+    let (code, errors) = told(&machine, &["--axis", "X", "--update"]);
     assert_eq!(code, 2, "{errors}");
     assert!(
         errors.contains("the file that describes Wheel 9"),
@@ -108,18 +109,6 @@ fn what_is_found_makes_no_axis_worse() {
     );
 }
 
-/// The exit code of `identify`, and what it says.
-fn refused(machine: &Path, options: &[&str]) -> (i32, String) {
-    let output = syncline()
-        .arg("identify")
-        .arg(machine)
-        .args(options)
-        .output();
-    let output = output.unwrap();
-    let (code, _, errors) = ended(&output);
-    (code, errors.to_owned())
-}
-
 #[test]
 fn a_log_says_what_the_run_said() {
     let folder = Folder::new();
@@ -132,7 +121,7 @@ fn a_log_says_what_the_run_said() {
     assert!((one - other).abs() <= 0.1 * wide, "{run:#} {again:#}");
     let page = folder.path("y.html");
     let page = page.to_str().unwrap();
-    let (code, errors) = refused(&machine, &["--axis", "Y", "--report", page]);
+    let (code, errors) = told(&machine, &["--axis", "Y", "--report", page]);
     assert_eq!(code, 2, "{errors}");
     assert!(errors.contains("leave --report out"), "{errors}");
 }
