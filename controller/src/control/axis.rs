@@ -441,16 +441,13 @@ impl AxisControl {
     }
 
     /// Freezes the axis where its drives' setpoints are; the plan starts from the returned
-    /// machine position in mm. How far the sides of a gantry are out of square is in its plan, and not in their
-    /// offsets, so that it can be taken out.
+    /// machine position in mm.
     pub(super) fn freeze(&mut self, nodes: &[DeviceNode]) -> Result<f64, Fault> {
         let position = self.locate(nodes)?;
         self.forget_motion();
-        if let [one, other] = self.spec.drives[..] {
-            let apart = (nodes[other].actual_mm() - nodes[one].actual_mm()).abs();
-            if self.skewed(apart) || self.referenced && self.is_out_of_square(apart) {
-                return Ok(self.reseat(nodes));
-            }
+        let side = |side: usize| nodes[self.spec.drives[side]].actual_mm();
+        if self.sides.len() == 2 && self.skewed((side(1) - side(0)).abs()) {
+            return Ok(self.reseat(nodes));
         }
         self.seat(position, nodes)?;
         Ok(position)

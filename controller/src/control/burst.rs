@@ -54,7 +54,6 @@ impl<const N: usize> Controller<N> {
             }
         }
         self.plan(1.0);
-        self.square_on_the_way();
         let mut outcome = self.lost_step().map_or(Ok(()), Err);
         let mut move_on = true;
         for (index, axis) in self.axes.iter_mut().enumerate() {
@@ -71,19 +70,6 @@ impl<const N: usize> Controller<N> {
             self.setpoints_change |= axis.hand_over(self.cycle + 1, move_on, &mut self.nodes);
         }
         outcome
-    }
-
-    /// Gantries whose sides were found out of square are taken square as soon as they are to move.
-    fn square_on_the_way(&mut self) {
-        if self.phase != Phase::Program {
-            return;
-        }
-        for (index, axis) in self.axes.iter_mut().enumerate() {
-            let moves = self.planned.velocity[axis.coordinate()] != 0.0;
-            if moves && !self.homing.homes(index) {
-                axis.square_on_the_way(self.cycle + 1);
-            }
-        }
     }
 
     /// Goes on with the plan by one cycle, to the setpoint of the SYNC that is so many cycles ahead.

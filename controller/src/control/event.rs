@@ -138,14 +138,6 @@ pub enum Event {
         /// How far the second stands beyond the first, mm.
         apart: f64,
     },
-    /// The sides of a gantry are further apart than an axis at rest may be off, and no further than they may be: its next
-    /// motion takes that out.
-    OutOfSquare {
-        /// Which axis.
-        axis: AxisIndex,
-        /// How far the second stands beyond the first, mm.
-        apart: f64,
-    },
     /// The reference that an axis had when the machine was on last still holds.
     Recalled {
         /// Which axis.
@@ -560,7 +552,6 @@ impl Event {
             Self::Frozen { axis, .. }
             | Self::Referenced { axis, .. }
             | Self::Askew { axis, .. }
-            | Self::OutOfSquare { axis, .. }
             | Self::Tested { axis, .. }
             | Self::Unreferenced { axis, .. }
             | Self::Recalled { axis, .. }
@@ -714,9 +705,6 @@ impl Event {
             Self::Askew { apart, .. } => format!(
                 "axis {name}: its sides are {:.3} {unit} apart: home it to take it square",
                 apart.abs()
-            ),
-            Self::OutOfSquare { apart, .. } => format!(
-                "axis {name}: its sides are {apart:.3} {unit} out of square: its next motion takes that out"
             ),
             Self::Unreferenced { why, .. } => {
                 let why = match why {

@@ -514,8 +514,6 @@ impl<const N: usize> Controller<N> {
             position[axis.coordinate()] = frozen;
             if let Some(apart) = axis.askew(self.cycle) {
                 self.tell(Event::Askew { axis: index, apart });
-            } else if let Some(apart) = axis.out_of_square(self.cycle) {
-                self.tell(Event::OutOfSquare { axis: index, apart });
             }
             self.tell(Event::Frozen {
                 axis: index,

@@ -43,17 +43,6 @@ impl AxisControl {
         self.skewed(apart.abs()).then_some(apart)
     }
 
-    /// Whether sides that are so far apart, mm, rest otherwise than an axis at rest may.
-    pub(super) fn is_out_of_square(&self, apart: f64) -> bool {
-        apart.abs() > self.spec.limits.standstill
-    }
-
-    /// How far its sides are planned apart, where that is for its next motion to take out.
-    pub(in super::super) fn out_of_square(&self, cycle: u64) -> Option<f64> {
-        let apart = self.apart(cycle);
-        (self.is_out_of_square(apart) && !self.skewed(apart.abs())).then_some(apart)
-    }
-
     fn square_limits(&self) -> Option<(Square, Limits)> {
         let square = self.spec.homing.square?;
         let limits = &self.spec.limits;
@@ -64,24 +53,10 @@ impl AxisControl {
     /// From the setpoint that SYNC `cycle` latches on its sides move to where they belong, each by half
     /// of the way, and the middle between them stays. How far they are apart, mm.
     pub(in super::super) fn square(&mut self, cycle: u64) -> f64 {
-        self.square_by(cycle, self.spec.limits.velocity)
-    }
-
-    /// The same while the axis moves, from the setpoint that SYNC `cycle` latches on, where its sides are out of square:
-    /// so slowly that no side gets beyond the limits of the axis by more than the setpoint guard bears.
-    pub(in super::super) fn square_on_the_way(&mut self, cycle: u64) {
-        if self.out_of_square(cycle - 1).is_some() && !self.squares(cycle) {
-            self.square_by(cycle, GENTLE * self.spec.limits.velocity);
-        }
-    }
-
-    fn square_by(&mut self, cycle: u64, fastest: f64) -> f64 {
         let apart = self.apart(cycle - 1);
-        if let Some((square, limits)) = self.square_limits()
+        if let Some((_, limits)) = self.square_limits()
             && apart != 0.0
         {
-            let velocity = square.speed.min(fastest);
-            let limits = Limits::symmetric(velocity, limits.a_max, limits.j_max);
             let (from, to) = (State::at_rest(apart), State::at_rest(0.0));
             let plan = state_to_state::plan(&Problem::new(from, to, limits), 0.0);
             self.squaring = plan.ok().map(|plan| Squaring {
