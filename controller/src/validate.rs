@@ -123,13 +123,25 @@ impl Inputs {
         if let Some(error) = problem {
             return Err(NotValidated::Run(error));
         }
-        let (mut timeline, mut observers) = session.end();
-        observers.observe_gains(&self.machine, |drive| timeline.gains(drive));
-        let frames = Some(timeline.frames().result());
-        observers.observe_rest(|| timeline.come_to_rest());
-        let controller = timeline.controller();
-        let (mut summary, report) = observers.finish(&self.machine, layout, controller, frames)?;
+        let (timeline, observers) = session.end();
+        let (mut summary, report) = judged(&self.machine, layout, timeline, observers)?;
         summary.seed = Some(seed);
         Ok((summary, report))
     }
+}
+
+/// What came of a run that is over, with what is seen of its simulated drives behind it.
+///
+/// # Errors
+/// The trace could not be written.
+pub(crate) fn judged(
+    machine: &Machine,
+    layout: &Layout,
+    mut timeline: VirtualMachine,
+    mut observers: Observers,
+) -> io::Result<(Summary, Option<Report>)> {
+    observers.observe_gains(machine, |drive| timeline.gains(drive));
+    let frames = Some(timeline.frames().result());
+    observers.observe_rest(|| timeline.come_to_rest());
+    observers.finish(machine, layout, timeline.controller(), frames)
 }

@@ -7,8 +7,9 @@ use super::real_time::{RealTimeArgs, lockstep, record_faults};
 use super::state_keeper::StateKeeper;
 use super::{Exit, bad_input, report};
 use crate::control::{End, Event as MachineEvent, Layout};
-use crate::identify::estimate::estimate;
+use crate::identify::estimate::{NotEstimated, estimate};
 use crate::identify::excitation::{self, Bounds};
+use crate::identify::lag::NotSeen;
 use crate::identify::log::{Beside, Log};
 use crate::identify::velocity::Streamed;
 use crate::identify::{AxisSample, Identified, Moved, Subject};
@@ -121,20 +122,6 @@ enum Unfit {
     Described(&'static str),
 }
 
-/// Why nothing is told of an axis.
-enum Untold {
-    /// What its log shows is not enough.
-    Log(Box<dyn Error>),
-    /// Something else.
-    Other(Box<dyn Error>),
-}
-
-impl<E: Into<Box<dyn Error>>> From<E> for Untold {
-    fn from(error: E) -> Self {
-        Self::Other(error.into())
-    }
-}
-
 /// What a run of the excitation came to.
 struct Seen {
     log: Log,
@@ -194,11 +181,14 @@ impl Args {
         };
         match told {
             Ok(told) => claims.tell(&told),
-            Err(Untold::Log(error)) if self.log.is_none() => {
+            // A log that was just made and shows too little is no bad input.
+            Err(error)
+                if self.log.is_none() && (error.is::<NotEstimated>() || error.is::<NotSeen>()) =>
+            {
                 report(&*error);
                 return Ok(Exit::Stopped);
             }
-            Err(Untold::Log(error) | Untold::Other(error)) => return Err(error),
+            Err(error) => return Err(error),
         }
         Ok(Exit::Finished)
     }
@@ -211,9 +201,8 @@ impl Args {
         log: &Log,
         json: Option<Target>,
         page: Option<Target>,
-    ) -> Result<String, Untold> {
-        let estimate = estimate(&log.samples, &moved.shaft);
-        let estimate = estimate.map_err(|error| Untold::Log(error.into()))?;
+    ) -> Result<String, Box<dyn Error>> {
+        let estimate = estimate(&log.samples, &moved.shaft)?;
         let identified = Identified::new(machine, moved, &log.samples, estimate);
         if let Some(page) = page {
             let mut page = page.begin()?;
@@ -231,11 +220,10 @@ impl Args {
         axis: Streamed,
         log: &Log,
         json: Option<Target>,
-    ) -> Result<String, Untold> {
+    ) -> Result<String, Box<dyn Error>> {
         let layout = Layout::new(machine)?;
         let drive = &layout.devices[machine.axes[axis.axis].drives[0]];
-        let followed = axis.find(machine, layout.lag - drive.delay, &log.samples);
-        let followed = followed.map_err(|error| Untold::Log(error.into()))?;
+        let followed = axis.find(machine, layout.lag - drive.delay, &log.samples)?;
         self.put(&followed, followed.changes(), json)?;
         Ok(followed.to_string())
     }

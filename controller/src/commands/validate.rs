@@ -19,8 +19,8 @@ use crate::program::{Extent, Program};
 use crate::run::Progress;
 use crate::run::virtual_time::VirtualMachine;
 use crate::session::{Command, Event, NotTaken, Operator, Session, Status};
-use crate::validate::Inputs;
 use crate::validate::cause::Again;
+use crate::validate::{Inputs, judged};
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -246,14 +246,12 @@ impl Args {
         bar.finish_and_clear();
         commands.as_mut().map_or(Ok(()), CommandLog::follow)?;
         script.tell_left();
-        failure.iter().for_each(|error| report(&**error));
-        let (mut timeline, mut observers) = session.end();
-        observers.observe_gains(&machine, |drive| timeline.gains(drive));
+        if let Some(error) = failure {
+            report(&*error);
+        }
+        let (timeline, observers) = session.end();
         let logged = timeline.frames().finish_log();
-        let frames = Some(timeline.frames().result());
-        observers.observe_rest(|| timeline.come_to_rest());
-        let controller = timeline.controller();
-        let (mut summary, rows) = observers.finish(&machine, &layout, controller, frames)?;
+        let (mut summary, rows) = judged(&machine, &layout, timeline, observers)?;
         self.complete(&mut summary, &machine, again.as_ref())?;
         let title = format!("validated in virtual time, seed {}", self.seed);
         results.write(&mut summary, rows, self.program(), title, Target::begin)?;

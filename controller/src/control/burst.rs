@@ -11,11 +11,11 @@ use syncline_canopen::{Instant, Transmit};
 impl<const N: usize> Controller<N> {
     /// The burst of setpoints for the next SYNC: of every drive, or of none.
     pub(super) fn command(&mut self, now: Instant, out: &mut [Outbox]) -> Result<(), Fault> {
+        self.setpoints_change = false;
         if !self.streams() {
             return Ok(());
         }
         let mut outcome = Ok(());
-        self.setpoints_change = false;
         if self.frozen {
             outcome = self.plan_axes();
         } else {
