@@ -97,11 +97,15 @@ impl Inputs {
     ) -> Result<(Summary, Option<Report>), NotValidated> {
         let extent = program.check(self.machine.rest())?;
         let layout = &self.layout;
+        let program_samples = program.samples().cloned();
         let (timeline, moves) =
             VirtualMachine::new(&self.machine, Arc::clone(layout), program, seed)?;
         let sent = timeline.frames().listen(&self.machine);
-        let observers =
-            Observers::new(&self.machine, Some(sent), None, rows).of_program(Some(extent));
+        let observers = Observers::new(&self.machine, Some(sent), None, rows);
+        let observers = match program_samples {
+            Some(samples) => observers.along(&samples),
+            None => observers.of_program(Some(extent)),
+        };
         let mut session = Session::new(layout, timeline, moves, observers);
         let (told, nobody) = (session.subscribe(), session.operator("validate"));
         let (mut stopped, mut problem) = (false, None);

@@ -19,6 +19,7 @@
 //! - [`synchronise`]: several axes on a line, together, or each on its own.
 //! - [`synchronous`]: along a line in step with a spindle that is measured.
 //! - [`path`]: motion of all axes along programmed geometry, and its execution.
+//! - [`sampled`]: motion that is known by positions at a fixed step.
 //! - [`shaper`]: input shaping, against vibrations that a motion would excite.
 //! - [`verify`]: certifies plans, in arithmetic of its own, `double`.
 //!
@@ -30,6 +31,7 @@ mod extremal;
 pub mod limits;
 pub mod path;
 pub mod profile;
+pub mod sampled;
 pub mod shaper;
 pub mod state_to_state;
 pub mod synchronise;

@@ -1,13 +1,20 @@
-//! `syncline validate MACHINE --trajectory FILE`: motion that others have planned or sampled.
+//! `syncline validate MACHINE --trajectory FILE`: motion that others have planned or sampled, by its limits and by what
+//! simulated drives make of it.
 
-use super::Exit;
 use super::output::{Claims, Target};
-use crate::machine::{Axis, Machine};
+use super::{Exit, with_causes};
+use crate::machine::{Axis, COORDINATES, Machine, Motion};
 use crate::observe::sampled::{SampledMotion, Samples};
+use crate::observe::summary::Summary;
+use crate::program::Program;
 use crate::recording::Recording;
+use crate::validate::Inputs;
+use crate::validate::cause::Again;
 use std::error::Error;
+use std::fmt::Write as _;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use syncline_trajectory::sampled::Sampled;
 
 /// Names of columns of times, s: of our own traces, of a ROS `JointTrajectory`, and of `--columns`.
 const TIMES: [&str; 3] = ["t_s", TIME_FROM_START, "t"];
@@ -20,8 +27,8 @@ const PASSED: &str = "-";
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Trajectory {
-    /// Instead of a program, judge positions at a fixed step: a trace, a CSV file with a column for each axis, samples of
-    /// LinuxCNC's halsampler, or points of a ROS JointTrajectory.
+    /// Instead of a program, judge positions at a fixed step, and have the simulated drives follow them: a trace, a CSV
+    /// file with a column for each axis, samples of LinuxCNC's halsampler, or points of a ROS JointTrajectory.
     #[arg(
         long,
         value_name = "FILE",
@@ -84,6 +91,7 @@ impl Trajectory {
         &self,
         machine_file: &Path,
         settings: &[String],
+        seed: u64,
         json: &Option<PathBuf>,
     ) -> Result<Exit, Box<dyn Error>> {
         let Some(file) = &self.trajectory else {
@@ -91,10 +99,32 @@ impl Trajectory {
         };
         let mut claims = Claims::of_machine(machine_file).reads("--trajectory", file);
         let json: Option<Target> = claims.open("--json", json)?;
-        let machine = Machine::load_with(machine_file, settings)?;
+        let inputs = Inputs::read(machine_file, settings, None)?;
         let recording = Recording::read(file, self.columns.as_deref())?;
-        let judged =
-            SampledMotion::judge(&self.samples(&machine, &recording)?, self.step(&recording)?);
+        let samples = self.samples(&inputs.machine, &recording)?;
+        let step = self.step(&recording)?;
+        let judged = SampledMotion::judge(&samples, step);
+        let again = |program: &Program, summary: &Summary| {
+            let again = Again {
+                file: machine_file,
+                settings,
+                tables: None,
+                program,
+                seed,
+            };
+            again.cause(&inputs.machine, summary)
+        };
+        let response = match along(&inputs, samples, step) {
+            Ok(program) => match inputs.validate(program.clone(), seed, false, |_| true) {
+                Ok((mut summary, _)) => {
+                    summary.cause = again(&program, &summary)?;
+                    Ok(summary)
+                }
+                Err(error) => Err(with_causes(&error)),
+            },
+            Err(why) => Err(why),
+        };
+        let judged = judged.followed(response);
         if let Some(json) = json {
             let mut json = json.begin()?;
             json.write_all((serde_json::to_string_pretty(&judged)? + "\n").as_bytes())?;
@@ -186,4 +216,32 @@ impl Trajectory {
         }
         Ok(samples)
     }
+}
+
+/// The program that leads to the first sample and then along all of them, or why there is none.
+fn along(inputs: &Inputs, samples: Vec<Samples>, step: f64) -> Result<Program, String> {
+    let mut positions: [Option<Vec<f64>>; COORDINATES] = Default::default();
+    let mut to_the_first = "G21 G90 G94 G53 G0".to_owned();
+    for Samples {
+        name,
+        positions: of_axis,
+        ..
+    } in samples
+    {
+        let axis = inputs.machine.axes.iter().find(|it| it.name() == name);
+        let Some(axis) = axis.filter(|it| it.motion != Motion::PointToPoint) else {
+            return Err(format!(
+                "axis {name} goes point to point, and follows no samples"
+            ));
+        };
+        let first = of_axis.first().copied().unwrap_or_default();
+        // As many digits as tell it from every other number.
+        let _ = write!(to_the_first, " {name}{first}");
+        positions[axis.letter.index()] = Some(of_axis);
+    }
+    let samples = Sampled::through(positions, step).map_err(|why| with_causes(&why))?;
+    let lead = to_the_first + "\nM2\n";
+    let name = "the way to the first sample";
+    let program = inputs.programs.text(name, lead.as_bytes());
+    Ok(program.then_along(samples))
 }

@@ -96,7 +96,12 @@ struct Prepared {
 impl Args {
     pub(super) fn execute(self) -> Exit {
         if self.trajectory.is_given() {
-            let judged = (self.trajectory).judge(&self.machine, &self.settings, self.output.json());
+            let judged = (self.trajectory).judge(
+                &self.machine,
+                &self.settings,
+                self.seed,
+                self.output.json(),
+            );
             return judged.unwrap_or_else(|error| super::bad_input(&*error));
         }
         let prepared = match self.prepare() {

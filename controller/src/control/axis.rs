@@ -525,6 +525,7 @@ impl AxisControl {
                     drive,
                     quantity,
                     value,
+                    sampled: false,
                 };
                 Fault::Axis(self.index, cause)
             })?;

@@ -1,6 +1,6 @@
 //! What is sent behind each SYNC: the setpoints for the next one, and as many requests by SDO as there is room for.
 
-use super::fault::Fault;
+use super::fault::{AxisCause, Fault};
 use super::reaction::Cause;
 use super::{BusIndex, Controller, DeviceNode, Phase, event_sink, layout};
 use crate::bus::Outbox;
@@ -59,7 +59,10 @@ impl<const N: usize> Controller<N> {
         for (index, axis) in self.axes.iter_mut().enumerate() {
             let plan = (&self.planned.position[..], &self.planned.velocity[..]);
             let in_homing = self.homing.homes(index);
-            let prepared = axis.prepare(self.cycle + 1, plan, in_homing, &self.nodes);
+            let mut prepared = axis.prepare(self.cycle + 1, plan, in_homing, &self.nodes);
+            if let Err(Fault::Axis(_, AxisCause::SetpointGuard { sampled, .. })) = &mut prepared {
+                *sampled = self.along_samples.is_active();
+            }
             if prepared.is_err_and(|fault| fault.cause() == Cause::SetpointGuard) {
                 move_on = false;
                 outcome = prepared;
@@ -75,8 +78,11 @@ impl<const N: usize> Controller<N> {
     /// Goes on with the plan by one cycle, to the setpoint of the SYNC that is so many cycles ahead.
     fn plan(&mut self, ahead: f64) {
         if (Phase::Program..=Phase::Stop).contains(&self.phase) {
-            self.planned = self.follow_spindle(ahead).unwrap_or_else(|| {
+            let beside_plan = self.follow_spindle(ahead);
+            let beside_plan = beside_plan.or_else(|| self.follow_samples(ahead));
+            self.planned = beside_plan.unwrap_or_else(|| {
                 let planned = self.executor.advance();
+                let planned = self.along_samples.behind(planned);
                 self.shaping.shape(planned, self.executor.waypoints())
             });
             self.place_beside();

@@ -321,6 +321,8 @@ pub enum AxisCause {
         quantity: Quantity,
         /// How much: by mm and s; of a position, how far beyond its range.
         value: f64,
+        /// It is one of a trajectory that others have planned.
+        sampled: bool,
     },
     /// Its drive was sent to a target and did not get there in time.
     NotThere {
@@ -677,11 +679,19 @@ impl AxisCause {
                  were possible: check the encoder and its coupling, then the position of the axis"
             ),
             Self::SetpointGuard {
-                quantity, value, ..
+                quantity,
+                value,
+                sampled,
+                ..
             } => format!(
                 "axis {name}: a setpoint whose {quantity} is {value:.4} {unit}, allowed {limit} \
-                 {unit}, was not sent: this is a defect of syncline, please report it with the \
-                 machine, the program and what was done",
+                 {unit}, was not sent: {}",
+                match sampled {
+                    true => "the trajectory asks for more than the axis may do",
+                    false =>
+                        "this is a defect of syncline, please report it with the machine, the program \
+                         and what was done",
+                },
                 unit = quantity.unit(unit),
                 limit = quantity.limit(limits),
             ),

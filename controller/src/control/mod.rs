@@ -19,6 +19,7 @@
 //! - `limit_switches`: those beyond which no axis is sent
 //! - `beside_path`: what probings, homings and threads have in common: what came of them, holding and going on
 //! - `threading`: lines in step with the spindle
+//! - `sampled`: motion that others have planned, sample by sample
 //! - `probing`: towards what a probe touches, and where that was
 //! - `jogs`: how far, how fast and how long axes are jogged
 //! - `node`, `sdo_sequence`, `polls`: a device over its bus; what it is asked by SDO, and what instead of its T_PDOs
@@ -58,6 +59,7 @@ mod point_to_point;
 mod polls;
 mod probing;
 pub mod reaction;
+mod sampled;
 mod sdo_sequence;
 mod setpoint_guard;
 mod setpoint_misses;
@@ -103,6 +105,7 @@ use limit_switches::LimitSwitches;
 use node::DeviceNode;
 use orientation::Orienter;
 use probing::Probing;
+use sampled::AlongSamples;
 use setpoint_misses::SetpointMisses;
 use spindle::SpindleWatch;
 use std::collections::VecDeque;
@@ -176,6 +179,8 @@ pub struct Row<const N: usize> {
     pub measured: [Option<MeasuredSample>; MEASURED],
     /// Program line of the block that is at work while the path rests for it.
     pub rests_for: Option<u32>,
+    /// How many cycles ago the axes were at the first of the samples that they go along.
+    pub along: Option<u64>,
 }
 
 /// How a run ended.
@@ -288,6 +293,7 @@ pub struct Controller<const N: usize> {
     /// What the last M66 found, of any job.
     input_result: f64,
     threading: Threading<N>,
+    along_samples: AlongSamples<N>,
     switches: Switches,
     spindle: SpindleWatch,
     orienter: Orienter,
@@ -374,6 +380,7 @@ impl<const N: usize> Controller<N> {
             signals_read: None,
             input_result: 0.0,
             threading: Threading::new(),
+            along_samples: AlongSamples::default(),
             switches: Switches::new(&layout),
             spindle: SpindleWatch::new(&layout),
             orienter: Orienter::default(),

@@ -233,6 +233,7 @@ impl<const N: usize> Controller<N> {
                     self.leave_thread();
                 }
                 self.threading.abort();
+                self.leave_samples();
                 for axis in &mut self.axes {
                     axis.stop_squaring(self.cycle + 1);
                 }
@@ -246,6 +247,7 @@ impl<const N: usize> Controller<N> {
                 self.beside_path = BesidePath::new();
                 self.tell_tap_left();
                 self.threading.abort();
+                self.along_samples.abort();
                 self.frozen = false;
                 self.quick_stop(|_, _| true);
             }
@@ -351,6 +353,12 @@ impl<const N: usize> Controller<N> {
             }
             return;
         }
+        if self.along_samples.is_active() {
+            if self.end_samples() {
+                self.end_program();
+            }
+            return;
+        }
         if self.job.is_none() {
             let rests = self.executor.is_at_rest() && self.shaping.is_settled();
             if self.executor.is_off_path() && rests {
@@ -443,10 +451,18 @@ impl<const N: usize> Controller<N> {
             Some(StopPoint::Thread { line }) => self.begin_thread(line),
             Some(StopPoint::Home { line }) => self.begin_program_homing(line),
             Some(StopPoint::ReadSignals { number, .. }) => self.read_signals(number),
-            Some(StopPoint::End) if self.stays_on => self.rest_after(Outcome::Finished),
+            Some(StopPoint::End) if self.begin_samples() => {}
+            Some(StopPoint::End) => self.end_program(),
             Some(StopPoint::Broken) if self.stays_on => self.rest_after(Outcome::Broken),
-            Some(StopPoint::End) => self.go_to(Goal::Off(End::Finished)),
             Some(StopPoint::Broken) => self.fail(Fault::Program),
+        }
+    }
+
+    /// The program is at its end, and the axes rest.
+    fn end_program(&mut self) {
+        match self.stays_on {
+            true => self.rest_after(Outcome::Finished),
+            false => self.go_to(Goal::Off(End::Finished)),
         }
     }
 

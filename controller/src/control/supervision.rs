@@ -127,6 +127,7 @@ impl<const N: usize> Controller<N> {
                 None => self.reached().and_then(|stop| stop.works_on()),
                 line => line,
             },
+            along: self.along_samples.since(self.cycle),
         });
     }
 

@@ -36,6 +36,8 @@ pub(super) struct Deviation {
     /// Of the actual position from the path of the setpoints, mm: the drives' part of it.
     drives: Greatest,
     trail: Trail,
+    /// The path of the setpoints is all that there is.
+    without_moves: bool,
     /// By coordinate: whether its axis goes point to point, beside the path.
     beside: [bool; COORDINATES],
     watch: Watch,
@@ -73,11 +75,17 @@ impl Deviation {
             tool: Greatest::default(),
             drives: Greatest::default(),
             trail: Trail::new(machine.cycle.as_secs_f64()),
+            without_moves: false,
             beside: machine.point_to_point(),
             watch: Watch::default(),
             tolerance: machine.validation.contour_error,
             contour: Watch::default(),
         }
+    }
+
+    /// No moves of a program say where the tool is to be, but the setpoints alone.
+    pub(super) fn has_no_moves(&mut self) {
+        self.without_moves = true;
     }
 
     /// Takes what is seen at one SYNC; how far setpoint and tool are from the program's moves, unless the axes are off
@@ -92,6 +100,9 @@ impl Deviation {
             row, actual, line, ..
         } = observed;
         let plan = &row.plan;
+        if self.without_moves {
+            return self.observe_trail(observed, time, violations);
+        }
         let Some(motion) = observed.tags.and(observed.moves.motion(plan.tag)) else {
             self.trail.clear();
             return None;
@@ -136,6 +147,42 @@ impl Deviation {
             setpoint: deviation,
             tool,
             by: [0, 1, 2].map(|at| actual[at] - place[at]),
+        })
+    }
+
+    /// Takes what is seen at one SYNC where the contour error is the drives' alone.
+    fn observe_trail(
+        &mut self,
+        observed: &Observed,
+        time: f64,
+        violations: &mut Vec<Violation>,
+    ) -> Option<OffPath> {
+        let Observed {
+            row, actual, line, ..
+        } = observed;
+        if row.plan.off_path {
+            self.trail.clear();
+            return None;
+        }
+        (self.trail).push(row.cycle, row.plan.position, row.plan.velocity, actual);
+        let tool = self.trail.distance(actual);
+        let at = Place { time, line: *line };
+        self.tool.look(tool, at);
+        self.drives.look(tool, at);
+        let limit = self.tolerance;
+        (self.contour).look(violations, at, tool, limit, |_| Violation {
+            what: "contour_error".to_owned(),
+            axis: None,
+            time,
+            line: *line,
+            value: tool,
+            limit,
+            unit: "mm",
+        });
+        Some(OffPath {
+            setpoint: 0.0,
+            tool,
+            by: [0, 1, 2].map(|at| actual[at] - row.plan.position[at]),
         })
     }
 

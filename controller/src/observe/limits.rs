@@ -58,6 +58,9 @@ const WATCHED: [(&str, usize); 11] = [
 /// Which of them is the following error.
 const FOLLOWING: usize = 3;
 
+/// Which of them are held against limits of the axis' setpoints.
+const BY_LIMITS: [usize; 8] = [0, 1, 2, 4, 5, 6, 7, 8];
+
 /// How many of them are of what was sent: the last ones.
 const SENT: usize = 6;
 
@@ -110,6 +113,8 @@ pub(super) struct AxisWatches {
     referenced: bool,
     /// It is homed: its drives do not count as the machine file says.
     homed: bool,
+    /// Setpoints are held against limits.
+    judges_setpoints: bool,
     period: f64,
     planned: Differences,
     sides: Vec<Side>,
@@ -216,6 +221,7 @@ impl AxisWatches {
             next: u64::MAX,
             referenced: axis.homing.is_absolute(),
             homed: !axis.homing.is_absolute(),
+            judges_setpoints: true,
             period: cycle,
             planned: Differences::new(cycle, Uncertainty::Numbers),
             // What is sent velocities is judged by where it is.
@@ -245,6 +251,11 @@ impl AxisWatches {
     /// From the next row on its positions are no machine positions. They count on, and it may be in motion.
     pub(super) fn forget_reference(&mut self) {
         self.referenced = false;
+    }
+
+    /// Of its limits only that of its following error is judged, and whether it is sent what is planned.
+    pub(super) fn judge_following(&mut self) {
+        self.judges_setpoints = false;
     }
 
     /// Of its positions.
@@ -330,6 +341,9 @@ impl AxisWatches {
         for (place, (value, limit)) in planned.chain(sent).enumerate() {
             let (what, unit) = WATCHED[place];
             self.max[place] = self.max[place].max(value);
+            if !self.judges_setpoints && BY_LIMITS.contains(&place) {
+                continue;
+            }
             let at = Place { time, line };
             self.watches[place].look(violations, at, value, limit, |_| Violation {
                 what: what.to_owned(),

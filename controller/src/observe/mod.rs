@@ -69,8 +69,12 @@ use summary::{AxisSummary, BusSummary, Stopped, Summary, Times};
 use switched::Switched;
 use syncline_drives::twin::Observation;
 use syncline_drives::twin::servo::cascade::Gains;
+use syncline_trajectory::sampled::Sampled;
 use trace::{Sink, Trace};
 use travel::Travel;
+
+/// By this part of a step less an instant is at the next sample.
+const WHOLE: f64 = 1e-6;
 
 /// What is there to be seen at one SYNC of the program.
 #[derive(Clone, Copy)]
@@ -96,6 +100,8 @@ pub struct Observers {
     cycles: u64,
     /// The cycle of the next row, if none is left out.
     next: u64,
+    /// Seconds from sample to sample, where what runs is known by samples alone.
+    samples: Option<f64>,
     /// The last row's.
     line: u32,
     position: Position,
@@ -137,6 +143,7 @@ impl Observers {
             cycle: machine.cycle,
             cycles: 0,
             next: 0,
+            samples: None,
             line: 0,
             position: Position::default(),
             extent: None,
@@ -167,6 +174,17 @@ impl Observers {
     #[must_use]
     pub fn of_program(mut self, extent: Option<Extent>) -> Self {
         self.extent = extent;
+        self
+    }
+
+    /// What runs is known by samples alone, behind a program that leads to the first one: only they count, with times from
+    /// the first one on. The lines of places are their numbers, from 1. Their limits are judged apart, with what samples
+    /// are uncertain by ([`sampled`]).
+    #[must_use]
+    pub fn along(mut self, samples: &Sampled<COORDINATES>) -> Self {
+        self.samples = Some(samples.step());
+        self.deviation.has_no_moves();
+        self.axes.iter_mut().for_each(AxisWatches::judge_following);
         self
     }
 
@@ -211,10 +229,19 @@ impl Observers {
 
     /// Takes what is seen at one SYNC; returns its time, s.
     pub fn observe(&mut self, observed: &Observed) -> f64 {
-        let Observed { row, line, .. } = *observed;
-        let time = self.seconds(row.cycle);
+        let Observed { row, .. } = *observed;
+        let (cycle, line) = match (self.samples, row.along) {
+            (None, _) => (row.cycle, observed.line),
+            (Some(step), Some(cycle)) => {
+                let sample = self.seconds(cycle) / step;
+                (cycle, 1 + (sample + WHOLE) as u32)
+            }
+            (Some(_), None) => return 0.0,
+        };
+        let observed = &Observed { line, ..*observed };
+        let time = self.seconds(cycle);
         self.cycles += 1;
-        self.next = row.cycle + 1;
+        self.next = cycle + 1;
         self.line = line;
         self.position = row.plan.position;
         let counted = counted_speed(&row.plan.velocity);
@@ -254,6 +281,9 @@ impl Observers {
     /// Takes how the simulated drives are at the SYNC of the last row, by their index; nothing where one
     /// is not simulated.
     pub fn observe_drives(&mut self, drive: impl Fn(usize) -> Option<Observation>) {
+        if self.samples.is_some() && self.cycles == 0 {
+            return;
+        }
         let at = self.last();
         self.drives.observe(at, drive, &mut self.violations);
     }

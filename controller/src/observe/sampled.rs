@@ -11,8 +11,11 @@
 //! - in between it is *undecidable* by these samples. What lasts longer may be decided, by a longer stride.
 //!
 //! The axes rest before the first sample and behind the last one.
+//!
+//! What simulated drives make of the samples is a [`Summary`] beside that.
 
 use super::differences::{Differences, STRIDES, Uncertainty};
+use super::summary::Summary;
 use serde::Serialize;
 use std::fmt;
 
@@ -76,9 +79,10 @@ pub struct Judged {
 }
 
 /// A motion by its samples, and what they say.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct SampledMotion {
-    /// `pass` where every limit is kept, `fail` where one is exceeded, else `undecidable`.
+    /// `pass` where every limit is kept and the drives follow, `fail` where one is exceeded or they do not, else
+    /// `undecidable`.
     pub verdict: &'static str,
     /// Between two samples, s.
     pub step_s: f64,
@@ -86,6 +90,12 @@ pub struct SampledMotion {
     pub samples: usize,
     /// Every limit of every axis.
     pub limits: Vec<Judged>,
+    /// What the simulated drives make of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub response: Option<Box<Summary>>,
+    /// Why that is not known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub not_simulated: Option<String>,
 }
 
 impl SampledMotion {
@@ -103,6 +113,29 @@ impl SampledMotion {
             step_s: step,
             samples: axes.iter().map(|it| it.positions.len()).max().unwrap_or(0),
             limits,
+            response: None,
+            not_simulated: None,
+        }
+    }
+
+    /// With what simulated drives make of it, or why that is not known.
+    #[must_use]
+    pub fn followed(self, response: Result<Summary, String>) -> Self {
+        let follows = response.as_ref().ok().map(|it| it.verdict == "pass");
+        let verdict = match (self.verdict, follows) {
+            ("fail", _) | (_, Some(false)) => "fail",
+            ("pass", Some(true)) => "pass",
+            _ => "undecidable",
+        };
+        let (response, not_simulated) = match response {
+            Ok(summary) => (Some(Box::new(summary)), None),
+            Err(why) => (None, Some(why)),
+        };
+        Self {
+            verdict,
+            response,
+            not_simulated,
+            ..self
         }
     }
 }
@@ -204,7 +237,7 @@ impl Samples {
     }
 }
 
-/// As a person reads it, a line for each limit, the worst first.
+/// As a person reads it, a line for each limit, the worst first, then what the drives make of it.
 impl fmt::Display for SampledMotion {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self {
@@ -222,7 +255,17 @@ impl fmt::Display for SampledMotion {
         )?;
         let mut limits: Vec<&Judged> = self.limits.iter().collect();
         limits.sort_by_key(|it| std::cmp::Reverse(it.judgement));
-        limits.iter().try_for_each(|it| writeln!(f, "{it}"))
+        limits.iter().try_for_each(|it| writeln!(f, "{it}"))?;
+        if let Some(why) = &self.not_simulated {
+            writeln!(f, "response           not simulated: {why}")?;
+        }
+        let Some(response) = &self.response else {
+            return Ok(());
+        };
+        writeln!(f, "response           {}", response.verdict)?;
+        // The verdict of both stands above.
+        let told = response.to_string();
+        f.write_str(told.split_once('\n').map_or("", |(_, rest)| rest))
     }
 }
 

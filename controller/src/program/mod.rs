@@ -43,6 +43,7 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 use syncline_gcode::{self as gcode, Action, AxisSet, Interpreter, Tables, TablesError};
 use syncline_trajectory::path::{CurveError, Limits, PathError, Retraction};
+use syncline_trajectory::sampled::Sampled;
 use threads::Threads;
 
 /// What all programs of a machine have in common: axes, limits, tables, and what the programs before
@@ -176,6 +177,8 @@ pub struct Program {
     waits: bool,
     /// Not interpreted as a whole before it runs.
     stream: bool,
+    /// Behind its end the axes go along these.
+    samples: Option<Arc<Sampled<COORDINATES>>>,
 }
 
 /// What a program is planned with instead of what it says, to see what that makes of its time.
@@ -425,6 +428,7 @@ impl Programs {
             beside: None,
             waits: false,
             stream: false,
+            samples: None,
         }
     }
 
@@ -535,6 +539,19 @@ impl Program {
     #[must_use]
     pub fn streams(&self) -> bool {
         self.stream
+    }
+
+    /// Behind its end, which has to be where they begin, the axes go along samples.
+    #[must_use]
+    pub fn then_along(mut self, samples: Sampled<COORDINATES>) -> Self {
+        self.samples = Some(Arc::new(samples));
+        self
+    }
+
+    /// The samples along which the axes go behind its end.
+    #[must_use]
+    pub fn samples(&self) -> Option<&Arc<Sampled<COORDINATES>>> {
+        self.samples.as_ref()
     }
 
     /// Interprets the whole program from `start` without moving anything.

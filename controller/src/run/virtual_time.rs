@@ -77,6 +77,9 @@ impl<P: Port> VirtualMachine<P> {
         let (upcoming, moves) = Moves::new();
         let mut machine = Self::with(world, ports, layout, frames);
         machine.driver.controller.home_first(program.homes_first());
+        if let Some(samples) = program.samples() {
+            machine.driver.controller.go_along(Arc::clone(samples));
+        }
         machine.prepare(Work {
             number: 0,
             program,

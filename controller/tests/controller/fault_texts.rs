@@ -214,9 +214,16 @@ texts! {
     "input \"enable\", axis Y moved in negative direction as its positive limit switch came on: check whether its two \
      limit switches are wired the wrong way round, then reset";
 
-    Fault::Axis(_, AxisCause::SetpointGuard { .. }),
+    Fault::Axis(_, AxisCause::SetpointGuard { sampled: true, .. }),
     Fault::Axis(1, AxisCause::SetpointGuard {
-        drive: 2, quantity: Quantity::Acceleration, value: 12_345.6,
+        drive: 2, quantity: Quantity::Velocity, value: 912.5, sampled: true,
+    }),
+    "node 3 (Y, LXM32M), axis Y: a setpoint whose velocity is 912.5000 mm/s, allowed 800 mm/s, was \
+     not sent: the trajectory asks for more than the axis may do";
+
+    Fault::Axis(_, AxisCause::SetpointGuard { sampled: false, .. }),
+    Fault::Axis(1, AxisCause::SetpointGuard {
+        drive: 2, quantity: Quantity::Acceleration, value: 12_345.6, sampled: false,
     }),
     "node 3 (Y, LXM32M), axis Y: a setpoint whose acceleration is 12345.6000 mm/s², allowed 5000 \
      mm/s², was not sent: this is a defect of syncline, please report it with the machine, the \
