@@ -90,6 +90,12 @@ pub enum Unfit {
     /// It does not follow setpoints.
     #[error("axis {0} goes point to point: only axes that follow setpoints can be identified")]
     PointToPoint(&'static str),
+    /// Where its motor is nobody tells.
+    #[error(
+        "axis {0}: its drive tells where a scale has its load, and not where its motor is, whose motion is to be identified: take \
+         `scale_step` out of its [axis.simulation]"
+    )]
+    Scale(&'static str),
     /// Nobody tells the torque.
     #[error(
         "axis {axis}: drive \"{drive}\" ({model}) is sent positions, and its PDOs do not tell its torque, which is needed to \
@@ -129,6 +135,10 @@ impl Subject {
         };
         if machine.axes[index].motion == Motion::PointToPoint {
             return Err(Unfit::PointToPoint(name));
+        }
+        let simulation = machine.axes[index].simulation.as_ref();
+        if simulation.is_some_and(|it| it.scale.is_some()) {
+            return Err(Unfit::Scale(name));
         }
         let device = machine.device(drive);
         if device.drive().and_then(Drive::dynamics).is_some() {

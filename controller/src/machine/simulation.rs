@@ -29,6 +29,8 @@ pub struct Simulation {
     pub ripple: Option<twin::Ripple>,
     /// `None`: what each drive's model has.
     pub encoder: Option<EncoderErrors>,
+    /// What a scale at the load tells apart, by which its drives close their position loops, mm; `None`: there is none.
+    pub scale: Option<f64>,
     /// Where the axis stands when it is switched on, mm; `None`: where its homing ends, or near zero.
     pub start: Option<f64>,
     /// By how much the second side of a gantry stands further then, mm.
@@ -337,6 +339,10 @@ pub(super) fn read(
     let gantry = is_tied.then(|| beam(log, &mut table));
     let feed_axis = feed_axis(log, &mut table, rotary, is_tied);
     let encoder = encoder(log, &mut table);
+    let scale = match what {
+        Simulated::Axis { .. } if !is_tied => scale_step(log, &mut table, rotary),
+        Simulated::Axis { .. } | Simulated::Spindle => None,
+    };
     let position = if rotary { "(°)" } else { "(mm)" };
     let allowed = format!("a number from -10000000 to 10000000 {position}");
     let start = table.number_if(log, "start", &allowed, |start| start.abs() <= 1e7);
@@ -371,6 +377,7 @@ pub(super) fn read(
             None => None,
         },
         encoder,
+        scale,
     })
 }
 
@@ -596,6 +603,15 @@ fn ripple(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Option<twin::Ripple> 
         part,
         periods: periods as u32,
     })
+}
+
+/// What a scale at the load tells apart, mm, if there is one.
+fn scale_step(log: &mut Log<'_>, table: &mut Table<'_, '_>, rotary: bool) -> Option<f64> {
+    let micro = if rotary { "(0.001°)" } else { "(µm)" };
+    let allowed = format!("a number from 0.001 to 1000 {micro}");
+    let range = 1e-3..=1e3;
+    let found = table.number_if(log, "scale_step", &allowed, |step| range.contains(&step));
+    found.map(|step| step.into_inner() * 1e-3)
 }
 
 /// What makes the encoder's reading wrong, if anything is said of it.

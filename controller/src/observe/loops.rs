@@ -74,6 +74,10 @@ impl LoopSummary {
             false => f64::INFINITY,
         };
         let tuning = Tuning::new(train, current);
+        let tuning = match simulation.and_then(|it| it.scale) {
+            Some(_) => tuning.by_scale(),
+            None => tuning,
+        };
         let own_position = !spec.model.is_sent(Setpoints::Velocities);
         let stability = tuning.stability(gains);
         let mut turned = [0.0; 2];

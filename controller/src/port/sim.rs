@@ -9,6 +9,7 @@ use syncline_drives::mechanics::rigid::Rigid;
 use syncline_drives::mechanics::rigid_beam::{RigidBeam, Side};
 use syncline_drives::mechanics::touch_probe::TouchProbe;
 use syncline_drives::model::{Direction, Increments, Model};
+use syncline_drives::twin::servo::encoder::Scale;
 use syncline_drives::twin::{Config, Kind, Sensor, SimulatedDevice};
 use syncline_drives::world::{
     BusId, DeviceId, EnableChain, FittedProbe, Hosted, Observer, ProbeDrive, ProbeWire, World,
@@ -272,6 +273,9 @@ pub fn config(machine: &Machine, index: usize, seed: u64) -> Config {
     Config {
         axis: own.map(|it| machine.at_shaft(index, &it)),
         encoder: simulation.and_then(|it| it.encoder),
+        scale: simulation.and_then(|it| it.scale).map(|step| Scale {
+            step: step / scaling.travel_per_revolution().abs(),
+        }),
         sensors: sensors(machine, index, turns),
         reference_switch: simulation.and_then(|it| it.switches.reference.map(range)),
         limit_switches: simulation.and_then(|it| it.switches.limits.map(range)),

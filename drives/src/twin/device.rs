@@ -1,7 +1,7 @@
 //! What a simulated bus carries, whatever its model.
 
 use super::servo::cascade::Gains;
-use super::servo::encoder::EncoderErrors;
+use super::servo::encoder::{EncoderErrors, Scale};
 use super::servo::motor::Motor;
 use super::servo::shaft::Shaft;
 use crate::bus::{BitRate, Node};
@@ -198,6 +198,8 @@ pub struct Config {
     pub ripple: Option<Ripple>,
     /// What makes its encoder's reading wrong; `None`: the model's own.
     pub encoder: Option<EncoderErrors>,
+    /// What sees its load and closes its position loop; `None`: its encoder does.
+    pub scale: Option<Scale>,
     /// The switches along its axis, of a device that has digital inputs.
     pub sensors: Vec<Sensor>,
     /// Its reference switch is on within, revolutions from the encoder's zero, of a device that homes by itself.
@@ -228,6 +230,7 @@ impl Config {
             axis: None,
             ripple: None,
             encoder: None,
+            scale: None,
             sensors: Vec::new(),
             reference_switch: None,
             limit_switches: None,

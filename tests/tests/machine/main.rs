@@ -15,6 +15,7 @@ mod day;
 mod described;
 mod described_encoder;
 mod driven_spindle;
+mod dual_loop;
 mod faults;
 mod feed_axes;
 mod feed_per_turn;

@@ -1,4 +1,4 @@
-//! The encoder on the motor's shaft.
+//! The encoder on the motor's shaft, and the scale at the load.
 
 use super::shaft::Shaft;
 use crate::twin::random::Random;
@@ -59,6 +59,27 @@ impl Encoder {
         }
         let step = self.increments_per_revolution / f64::from(steps);
         ((increments / step).floor() * step).floor() as i64
+    }
+}
+
+/// A scale at the load: a second feedback, by which a drive closes its position loop.
+///
+/// It sees what the encoder does not: twist and play of the transmission, and its lead error. In between of two steps of
+/// the axis it goes on with the load's speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scale {
+    /// What it tells apart, revolutions of the motor's shaft; above 0.
+    pub step: f64,
+}
+
+impl Scale {
+    /// What it reads `ahead` seconds after the shaft's last step, in increments of an encoder that counts so many a
+    /// revolution.
+    #[must_use]
+    pub fn read(&self, shaft: &Shaft, ahead: f64, increments_per_revolution: f64) -> i64 {
+        let load = shaft.load_motion();
+        let steps = ((load.position + load.velocity * ahead) / self.step).floor();
+        (steps * self.step * increments_per_revolution).floor() as i64
     }
 }
 

@@ -3,7 +3,7 @@
 use super::axis::ServoAxis;
 use super::cascade::{Cascade, Gains, Reference, SPEED_STEP_NS};
 use super::clock::Clock;
-use super::encoder::Encoder;
+use super::encoder::{Encoder, Scale};
 use super::power_stage::TorqueSource;
 use super::shaft::Shaft;
 use crate::twin::node::Processor;
@@ -24,11 +24,14 @@ pub struct Loops {
     pub cascade: Cascade,
     /// What the cascade's torque becomes.
     pub torque_source: TorqueSource,
-    /// The encoder's last reading.
+    /// The last reading of where the axis is: the encoder's, or that of the scale at the load.
     pub encoder: i64,
+    /// The last reading of the encoder, from which the speed is taken.
+    motor: i64,
     /// Of the encoder.
     pub increments_per_revolution: f64,
     sensor: Encoder,
+    scale: Option<Scale>,
     /// 1, or -1 where the loops see the motor turn the other way.
     direction: f64,
     torque: f64,
@@ -49,7 +52,7 @@ impl Loops {
         position: f64,
         increments_per_revolution: f64,
     ) -> Self {
-        Self::new(
+        let loops = Self::new(
             processor.clock(),
             Shaft::new(axis.mechanics, position),
             Encoder::new(
@@ -60,7 +63,19 @@ impl Loops {
             increments_per_revolution,
             axis.gains,
             axis.torque_source,
-        )
+        );
+        match axis.scale {
+            Some(scale) => loops.by_scale(scale),
+            None => loops,
+        }
+    }
+
+    /// With a scale at the load, by which they close the position loop; the speed loop stays the motor's.
+    #[must_use]
+    pub fn by_scale(mut self, scale: Scale) -> Self {
+        self.scale = Some(scale);
+        self.encoder = self.read(0.0);
+        self
     }
 
     /// Loops at rest.
@@ -80,7 +95,9 @@ impl Loops {
             shaft,
             torque_source,
             encoder,
+            motor: encoder,
             sensor,
+            scale: None,
             increments_per_revolution,
             direction: 1.0,
             torque: 0.0,
@@ -127,9 +144,28 @@ impl Loops {
         self.direction
     }
 
-    /// What the encoder reads `ahead` seconds after the last step.
+    /// What says where the axis is reads `ahead` seconds after the last step.
     pub fn read(&mut self, ahead: f64) -> i64 {
-        let reading = self.sensor.read(&self.shaft, ahead);
+        let counts = self.increments_per_revolution;
+        let reading = match self.scale {
+            Some(scale) => scale.read(&self.shaft, ahead, counts),
+            None => self.sensor.read(&self.shaft, ahead),
+        };
+        self.seen(reading)
+    }
+
+    /// Takes what is read now.
+    fn look(&mut self) {
+        let reading = self.sensor.read(&self.shaft, 0.0);
+        self.motor = self.seen(reading);
+        self.encoder = match self.scale {
+            Some(_) => self.read(0.0),
+            None => self.motor,
+        };
+    }
+
+    /// A reading as the loops see it.
+    fn seen(&self, reading: i64) -> i64 {
         if self.direction < 0.0 {
             -reading
         } else {
@@ -140,8 +176,8 @@ impl Loops {
     /// Sees the motor turn this way from now on, 1 or -1, standing where it is.
     pub fn turn_to(&mut self, direction: f64) {
         self.direction = direction;
-        self.encoder = self.read(0.0);
-        self.cascade = Cascade::new(self.cascade.gains().clone(), self.encoder);
+        self.look();
+        self.cascade = Cascade::new(self.cascade.gains().clone(), self.motor);
     }
 
     /// One step of the position loop, within this torque in N·m.
@@ -158,12 +194,11 @@ impl Loops {
         let end = self.clock.step_end();
         let (counts, is_on) = (self.increments_per_revolution, reference != Reference::Off);
         let is_held = self.torque_source.is_limited();
-        let wanted =
-            (self.cascade).speed_step(reference, self.encoder, counts, SPEED_STEP, is_held);
+        let wanted = (self.cascade).speed_step(reference, self.motor, counts, SPEED_STEP, is_held);
         let wanted = wanted * self.direction;
         self.torque = (self.torque_source).step(wanted, is_on, &self.shaft, SPEED_STEP);
         self.shaft.step(end, dt, self.torque, is_on && !grips);
-        self.encoder = self.read(0.0);
+        self.look();
         self.impulse += self.torque;
         self.steps += 1;
         let ends = self.clock.next_step();
@@ -173,5 +208,114 @@ impl Loops {
             self.latch_torque();
         }
         ends
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mechanics::drive_train::{DriveTrain, Elasticity, LeadError};
+    use crate::twin::random::Random;
+    use crate::twin::servo::encoder::EncoderErrors;
+    use syncline_canopen::Instant;
+
+    const COUNTS: f64 = 131_072.0;
+
+    /// A vertical axis on a screw with play whose lead is wrong.
+    fn train() -> DriveTrain {
+        let train = DriveTrain {
+            rotor_inertia: 3e-4,
+            load_inertia: 5e-4,
+            load_torque: -0.4,
+            lead_error: LeadError::new(vec![(0.0, 0.0), (4.0, 0.02)]),
+            ..DriveTrain::default()
+        };
+        let spring = Elasticity::damped(400.0, 0.05, [3e-4, 5e-4]);
+        let play = 0.01;
+        DriveTrain {
+            elasticity: Some(Elasticity { play, ..spring }),
+            ..train
+        }
+    }
+
+    fn loops(scale: Option<f64>, direction: f64) -> Loops {
+        let sensor = Encoder::new(COUNTS, EncoderErrors::default(), Random::new(0, 0));
+        let (clock, shaft) = (Clock::new(Instant::ZERO, 0.0), Shaft::new(train(), 0.0));
+        let gains = Gains {
+            position: 40.0,
+            ..Gains::default()
+        };
+        let mut loops = Loops::new(clock, shaft, sensor, COUNTS, gains, TorqueSource::Ideal);
+        if let Some(step) = scale {
+            loops = loops.by_scale(Scale { step });
+        }
+        if direction < 0.0 {
+            loops.turn_to(direction);
+        }
+        loops
+    }
+
+    /// Goes to a position, revolutions as the loops see it, and rests there; where the load is then.
+    fn go_to(loops: &mut Loops, turns: f64) -> f64 {
+        for step in 0..64_000 {
+            // In two seconds, smoothly.
+            let u = (f64::from(step) / 32_000.0).min(1.0);
+            let share = u * u * u * (10.0 - 15.0 * u + 6.0 * u * u);
+            let reference = Reference::Position {
+                position: turns * COUNTS * share,
+                velocity: 0.0,
+                acceleration: 0.0,
+            };
+            if step % 4 == 0 {
+                loops.position_step(reference, 4.0);
+            }
+            loops.speed_step(reference, false);
+        }
+        loops.shaft.load_position()
+    }
+
+    #[test]
+    fn a_scale_sees_what_the_encoder_does_not() {
+        let twisted = 0.4 / 400.0 + 0.5 * 0.01;
+        for (direction, turns) in [(1.0, 3.0), (1.0, 1.5), (-1.0, -3.0)] {
+            let place = turns * direction;
+            // The encoder is where it is to be: the load is off by the lead error there, and by twist and play, as it hangs.
+            let load = go_to(&mut loops(None, direction), turns);
+            let hangs = place - twisted / core::f64::consts::TAU;
+            let expected = hangs + 0.005 * hangs;
+            assert!(
+                (load - expected).abs() < 2e-5,
+                "{load} instead of {expected}"
+            );
+            // With a scale it is the load that is there, up to a step of it; the motor makes up for all that.
+            for step in [1e-5, 1e-3] {
+                let load = go_to(&mut loops(Some(step), direction), turns);
+                assert!(
+                    (load - place).abs() < 1.2 * step + 2e-5,
+                    "{step}: {load} of {place}"
+                );
+            }
+        }
+    }
+
+    /// Where nothing gives way and no lead is wrong both say the same, and so the loops do.
+    #[test]
+    fn a_scale_on_a_stiff_axis_changes_nothing() {
+        let of = |scale| {
+            let sensor = Encoder::new(COUNTS, EncoderErrors::default(), Random::new(0, 0));
+            let (clock, shaft) = (
+                Clock::new(Instant::ZERO, 0.0),
+                Shaft::new(DriveTrain::default(), 0.0),
+            );
+            let gains = Gains::default();
+            let loops = Loops::new(clock, shaft, sensor, COUNTS, gains, TorqueSource::Ideal);
+            let mut loops = match scale {
+                true => loops.by_scale(Scale { step: 1.0 / COUNTS }),
+                false => loops,
+            };
+            go_to(&mut loops, 2.0);
+            (loops.shaft.position(), loops.encoder, loops.torque())
+        };
+        assert_eq!(of(true), of(false));
     }
 }

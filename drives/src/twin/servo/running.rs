@@ -1,7 +1,7 @@
 //! Loops that run, for tests: a cascade with what it moves and an encoder without noise.
 
 use super::cascade::{Cascade, Gains, Reference, SPEED_STEP_NS, SPEED_STEPS};
-use super::encoder::{Encoder, EncoderErrors};
+use super::encoder::{Encoder, EncoderErrors, Scale};
 use super::shaft::{Plant, Shaft};
 use crate::twin::random::Random;
 use syncline_canopen::Instant;
@@ -17,6 +17,8 @@ pub(super) struct Running {
     pub(super) shaft: Shaft,
     encoder: Encoder,
     reading: i64,
+    /// A scale at the load closes the position loop.
+    by_scale: bool,
     steps: u32,
 }
 
@@ -27,8 +29,14 @@ impl Running {
             shaft: Shaft::new(plant, 0.0),
             encoder: Encoder::new(COUNTS, EncoderErrors::default(), Random::new(0, 0)),
             reading: 0,
+            by_scale: false,
             steps: 0,
         }
+    }
+
+    /// The same with a scale at the load, as fine as the encoder.
+    pub(super) fn by_scale(self, by_scale: bool) -> Self {
+        Self { by_scale, ..self }
     }
 
     /// Seconds since the beginning.
@@ -40,7 +48,12 @@ impl Running {
     pub(super) fn step(&mut self, reference: impl Fn(f64) -> Reference) {
         let (reference, reading) = (reference(self.time()), self.reading);
         if self.steps.is_multiple_of(SPEED_STEPS) {
-            self.cascade.position_step(reference, reading, COUNTS);
+            let scale = Scale { step: 1.0 / COUNTS };
+            let seen = match self.by_scale {
+                true => scale.read(&self.shaft, 0.0, COUNTS),
+                false => reading,
+            };
+            self.cascade.position_step(reference, seen, COUNTS);
         }
         let torque = (self.cascade).speed_step(reference, reading, COUNTS, STEP, false);
         self.shaft.step(Instant::ZERO, STEP, torque, true);

@@ -97,6 +97,8 @@ struct Response {
     motor: Complex<f64>,
     /// Of the load by that of the motor.
     load: Complex<f64>,
+    /// What the position loop sees, by that of the motor: its own position, or the load's.
+    fed_back: Complex<f64>,
 }
 
 impl Response {
@@ -117,6 +119,7 @@ impl Response {
             s,
             motor: (rotor + coupled).inv(),
             load: follows,
+            fed_back: Complex::from(1.0),
         }
     }
 }
@@ -164,11 +167,12 @@ impl OpenLoops {
         let forward = torque * hold(s, STEP) * axis.motor / (s / current + 1.0);
         let speed = forward * hold(s, STEP) * low_pass(s, gains.speed_filter);
         let reference = hold(s, POSITION_STEP) * low_pass(s, gains.speed_reference_filter);
-        let position = reference * forward / (speed + 1.0) / s * gains.position;
+        let motor = reference * forward / (speed + 1.0) / s * gains.position;
+        let position = motor * axis.fed_back;
         Self {
             speed,
             position,
-            load: position / (position + 1.0) * axis.load,
+            load: motor / (position + 1.0) * axis.load,
         }
     }
 }
@@ -178,6 +182,8 @@ impl OpenLoops {
 pub struct Tuning {
     train: DriveTrain,
     current: f64,
+    /// The position loop is closed by a scale at the load.
+    by_scale: bool,
     responses: Vec<Response>,
 }
 
@@ -195,7 +201,59 @@ impl Tuning {
             responses: (0..COUNT).map(at).collect(),
             train,
             current,
+            by_scale: false,
         }
+    }
+
+    /// The same where a scale at the load closes the position loop.
+    #[must_use]
+    pub fn by_scale(mut self) -> Self {
+        self.by_scale = true;
+        for it in &mut self.responses {
+            it.fed_back = it.load;
+        }
+        self
+    }
+
+    /// What the axis makes of a torque, and the position loop sees of that.
+    fn response(&self, s: Complex<f64>) -> Response {
+        let response = Response::at(&self.train, s);
+        match self.by_scale {
+            true => Response {
+                fed_back: response.load,
+                ..response
+            },
+            false => response,
+        }
+    }
+
+    /// The gains with that of the position loop as much lower as it takes for this distance of that loop from swinging; as
+    /// they are where nothing helps.
+    #[must_use]
+    pub fn calmed(&self, gains: &Gains, distance: &Distance) -> Gains {
+        let slower = |by: f64| Gains {
+            position: gains.position * by.exp(),
+            ..gains.clone()
+        };
+        let keeps = |by: f64| {
+            let stability = self.stability(&slower(by));
+            stability.is_some_and(|it| {
+                let Margins { phase, gain, .. } = it.position;
+                phase >= distance.phase && gain >= distance.gain && it.peak <= distance.peak
+            })
+        };
+        let (mut low, mut high) = (SLOWEST.ln(), 0.0);
+        if keeps(high) || !keeps(low) {
+            return gains.clone();
+        }
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (low + high);
+            match keeps(middle) {
+                true => low = middle,
+                false => high = middle,
+            }
+        }
+        slower(low)
     }
 
     /// How far both loops are from swinging; `None` if one of them is not stable.
@@ -324,10 +382,8 @@ impl Tuning {
     /// The swing of the closed position loop that takes longest to die out; `None` if none has less than [`DAMPED`] damping.
     #[must_use]
     pub fn slowest_swing(&self, gains: &Gains) -> Option<Mode> {
-        let characteristic = |s: Complex<f64>| {
-            let response = Response::at(&self.train, s);
-            OpenLoops::at(gains, &response, self.current).position + 1.0
-        };
+        let characteristic =
+            |s: Complex<f64>| OpenLoops::at(gains, &self.response(s), self.current).position + 1.0;
         let starts = self.responses.iter().step_by(24).map(|it| it.s);
         let roots = starts.filter_map(|start| {
             let (mut s, mut before) = (start, start * Complex::new(-0.05, 1.01));

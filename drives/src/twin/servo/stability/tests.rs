@@ -102,14 +102,16 @@ proptest! {
 
     /// A sine that the position loop is to follow: the load does what is computed, in size.
     #[test]
-    fn a_load_follows_a_sine_as_computed(train in axes(), hertz in 1.0_f64.ln()..60.0_f64.ln(), slower in 0.3..1.0) {
+    fn a_load_follows_a_sine_as_computed(train in axes(), hertz in 1.0_f64.ln()..60.0_f64.ln(), slower in 0.3..1.0, by_scale: bool) {
         let gains = Gains { position: commissioned(&train).position * slower, ..commissioned(&train) };
-        prop_assume!(Tuning::new(train.clone(), f64::INFINITY).stability(&gains).is_some());
+        let tuning = Tuning::new(train.clone(), f64::INFINITY);
+        let tuning = if by_scale { tuning.by_scale() } else { tuning };
+        prop_assume!(tuning.stability(&gains).is_some());
         // A whole number of steps of the position loop in a period.
         let period = (hertz.exp() * POSITION_STEP).recip().round() * POSITION_STEP;
         let s = Complex::new(0.0, TAU / period);
-        let expected = OpenLoops::at(&gains, &Response::at(&train, s), f64::INFINITY).load;
-        let mut loops = running(&gains, &train);
+        let expected = OpenLoops::at(&gains, &tuning.response(s), f64::INFINITY).load;
+        let mut loops = running(&gains, &train).by_scale(by_scale);
         loops.run(4.0, |t| at(0.01 * (TAU * t / period).sin(), 0.0, 0.0));
         let periods = (0.5 / period).ceil();
         let seen = follow(&mut loops, periods * period + 0.5 * STEP, |t| at(0.01 * (TAU * t / period).sin(), 0.0, 0.0));
@@ -206,4 +208,62 @@ fn commissioned_like(train: &DriveTrain) -> Gains {
         ..train.clone()
     };
     commissioned(&stiff)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+
+    /// The position loop by a scale: a gain that is greater by less than its margin lets the load rest, one that is greater by
+    /// more does not.
+    #[test]
+    fn a_loop_by_a_scale_swings_beyond_its_gain_margin(train in axes(), is_beyond: bool) {
+        prop_assume!(train.elasticity.is_some());
+        let gains = commissioned(&train);
+        let tuning = Tuning::new(train.clone(), f64::INFINITY).by_scale();
+        let more = |decibels: f64| Gains {
+            position: gains.position * 10_f64.powf(decibels / 20.0),
+            ..gains.clone()
+        };
+        let mut edge = -40.0;
+        prop_assume!(tuning.stability(&more(edge)).is_some());
+        while tuning.stability(&more(edge + 0.25)).is_some() {
+            edge += 0.25;
+            prop_assume!(edge < 40.0);
+        }
+        let margin = tuning.stability(&more(edge)).unwrap().position.gain;
+        prop_assert!(margin < 0.5, "{} dB at the edge of {} dB", margin, edge);
+        let mut loops = running(&more(edge + if is_beyond { 1.5 } else { -1.5 }), &train).by_scale(true);
+        let kick = follow(&mut loops, 0.5, |_| at(0.001, 0.0, 0.0));
+        let most = |seen: &[[f64; 3]]| seen.iter().map(|it| it[1].abs()).fold(0.0, f64::max);
+        // What is left once it rests is the encoder's last digit.
+        let early = most(&kick[kick.len() / 2..]).max(1e-5);
+        // What swings is seen before it has become too large to count.
+        let mut late = early;
+        for _ in 0..120 {
+            late = most(&follow(&mut loops, 0.05, |_| at(0.001, 0.0, 0.0)));
+            if late > 10.0 * early {
+                break;
+            }
+        }
+        prop_assert_eq!(late > early, is_beyond, "{} dB: from {} to {}", edge, early, late);
+    }
+
+    /// What is calmed keeps the distance and is no slower than it takes; on a stiff axis nothing changes.
+    #[test]
+    fn a_position_loop_is_calmed_as_far_as_it_takes(train in axes()) {
+        let gains = Gains { position: 4.0 * commissioned(&train).position, ..commissioned(&train) };
+        let tuning = Tuning::new(train.clone(), f64::INFINITY).by_scale();
+        let calmed = tuning.calmed(&gains, &DISTANCE);
+        let keeps = |gains: &Gains| tuning.stability(gains).is_some_and(|it| {
+            let position = it.position;
+            position.phase >= DISTANCE.phase && position.gain >= DISTANCE.gain && it.peak <= DISTANCE.peak
+        });
+        if keeps(&gains) {
+            prop_assert_eq!(calmed, gains);
+        } else if calmed != gains {
+            prop_assert!(keeps(&calmed));
+            let more = Gains { position: 1.01 * calmed.position, ..calmed.clone() };
+            prop_assert!(!keeps(&more), "{:?}", calmed.position);
+        }
+    }
 }
