@@ -358,7 +358,7 @@ fn commanded(seen: &Seen, data: [u8; 2]) -> Vec<Seen> {
 }
 
 /// Defects by the checker that has to find each.
-const DEFECTS: [(&str, &str, Change); 68] = [
+const DEFECTS: [(&str, &str, Change); 69] = [
     (
         "velocities",
         "a velocity for a drive that is only ready",
@@ -1028,6 +1028,17 @@ const DEFECTS: [(&str, &str, Change); 68] = [
                 all.push(framed(*bus, sent, Frame::new(request, &[0x40; 8])));
             }
             all
+        },
+    ),
+    (
+        "bus",
+        "a setpoint that does not come for an answer by SDO, in the midst of a move",
+        |it, planting, seen| match (setpoint(it, seen), seen) {
+            (Some(_), Seen::Frame { bus, sent }) if planting.running > 100 && planting.once() => {
+                let answer = CanId::Standard(0x580 + u16::from(it.machine.drives[0].node.get()));
+                vec![framed(*bus, sent, Frame::new(answer, &[0x60; 8]))]
+            }
+            _ => vec![seen.clone()],
         },
     ),
     (

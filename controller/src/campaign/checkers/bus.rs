@@ -3,9 +3,10 @@
 //!
 //! A frame that is on its way is not interrupted. So beside a request by SDO and its answer the last
 //! setpoint of a cycle may come behind its SYNC where a bus is nearly full, which is why none is sent
-//! while anything moves: in a cycle with such a frame the setpoints are those of the cycle before, so that one
-//! that comes late changes nothing. What SYNC waits for is carried on top of a cycle. Where a drive is asked for
-//! its position all the time the bus has to have room for that in each cycle.
+//! while anything moves: in a cycle with a request the setpoints are those of the cycle before, so that one
+//! that comes late changes nothing. An answer comes when its device likes, also in a cycle in which a move
+//! begins; no setpoint may be late for it then. What SYNC waits for is carried on top of a cycle. Where a drive
+//! is asked for its position all the time the bus has to have room for that in each cycle.
 
 use super::super::stage::Played;
 use super::{Checker, Found, Scene};
@@ -24,30 +25,34 @@ pub(super) struct Bus {
     syncs: Vec<Option<Instant>>,
     /// By bus: a request by SDO, or an answer, was carried since the last SYNC, and before it since the one
     /// before.
-    requests: Vec<[bool; 2]>,
-    /// By bus: one was carried on any of the buses since the last SYNC.
+    acyclic: Vec<[bool; 2]>,
+    /// By bus: a request was carried on any of the buses since the last SYNC.
     asked: Vec<bool>,
 }
 
-/// Whether a frame is a request by SDO, or an answer to one, to or of a device that is not asked all the time.
-fn is_request(scene: &Scene<'_>, bus: usize, sent: &Transmission) -> bool {
+/// The function code of an SDO's frame: what a client requests, and what a server answers (CiA 301, 7.3.3).
+const REQUEST: u16 = 0xC;
+const ANSWER: u16 = 0xB;
+
+/// The function code of a frame to or of a device that is not asked all the time.
+fn function_code(scene: &Scene<'_>, bus: usize, sent: &Transmission) -> Option<u16> {
     let CanId::Standard(id) = sent.frame.id() else {
-        return false;
+        return None;
     };
-    let asked = scene.drive_with(bus, (id & 0x7F) as u8);
-    matches!(id >> 7, 0xB | 0xC) && !asked.is_some_and(|drive| scene.is_polled(drive))
+    let device = scene.drive_with(bus, (id & 0x7F) as u8);
+    (!device.is_some_and(|drive| scene.is_polled(drive))).then_some(id >> 7)
 }
 
 impl Bus {
     pub(super) fn new(machine: &Machine) -> Self {
         Self {
             syncs: vec![None; machine.buses.len()],
-            requests: vec![[false; 2]; machine.buses.len()],
+            acyclic: vec![[false; 2]; machine.buses.len()],
             asked: vec![false; machine.buses.len()],
         }
     }
 
-    /// There was a request by SDO, or an answer, since the last SYNC: then no setpoint of this one is another.
+    /// A request by SDO was carried since the last SYNC: then no setpoint of this one is another.
     fn requested(scene: &Scene<'_>, bus: usize, found: &mut Found) {
         let mut drives = scene.drives_of(bus).iter();
         if let Some(&drive) = drives.find(|drive| scene.drives[**drive].moves) {
@@ -61,8 +66,11 @@ impl Bus {
 
 impl Checker for Bus {
     fn frame(&mut self, scene: &Scene<'_>, bus: usize, sent: &Transmission, found: &mut Found) {
-        if is_request(scene, bus, sent) {
-            self.requests[bus][0] = true;
+        let function = function_code(scene, bus, sent);
+        if let Some(REQUEST | ANSWER) = function {
+            self.acyclic[bus][0] = true;
+        }
+        if function == Some(REQUEST) {
             self.asked.fill(true);
         }
         if sent.frame.id() != CanId::from(CobId::SYNC) {
@@ -89,17 +97,20 @@ impl Checker for Bus {
     }
 
     fn sync(&mut self, scene: &Scene<'_>, bus: usize, found: &mut Found) {
-        let [now, before] = self.requests[bus];
-        self.requests[bus] = [false, now];
+        let [now, before] = self.acyclic[bus];
+        self.acyclic[bus] = [false, now];
         if std::mem::take(&mut self.asked[bus]) && scene.case.is_untroubled() {
             Self::requested(scene, bus, found);
         }
-        if !scene.case.is_untroubled() || now || before {
+        if !scene.case.is_untroubled() {
             return;
         }
-        for &drive in scene.drives_of(bus) {
+        let drives = scene.drives_of(bus);
+        let moves = drives.iter().any(|drive| scene.drives[*drive].moves);
+        for &drive in drives {
             let it = &scene.drives[drive];
-            if it.in_effect && it.latched_of != 1 {
+            let excused = (now || before) && !(moves && it.latched_of == 0);
+            if it.in_effect && it.latched_of != 1 && !excused {
                 found.violate(NAME, scene, "not one setpoint to a SYNC", || {
                     let name = &scene.machine.drives[drive].name;
                     format!("drive {name}: {} came", it.latched_of)
