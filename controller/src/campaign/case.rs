@@ -6,6 +6,7 @@ use super::interference::{self, Interference, ToDrive, Trouble};
 use super::machine::MachineSpec;
 use super::operator::{self, Deed};
 use super::program;
+use crate::session::Command;
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::io;
@@ -75,41 +76,85 @@ impl Case {
     /// The case of a seed: a function of the seed and of this version.
     #[must_use]
     pub fn of(seed: u64) -> Self {
-        let mut machine = MachineSpec::draw(&mut Dice::new(seed, 0));
-        machine.wire(&mut Dice::new(seed, 5));
-        machine.equip(&mut Dice::new(seed, 9));
-        machine.home(&mut Dice::new(seed, 10));
-        machine.watch(&mut Dice::new(seed, 11));
-        machine.shape(&mut Dice::new(seed, 13));
-        machine.stream(&mut Dice::new(seed, 14));
-        machine.describe(&mut Dice::new(seed, 15));
-        machine.measure(&mut Dice::new(seed, 17));
-        machine.turn(&mut Dice::new(seed, 19));
-        let dice = &mut Dice::new(seed, 1);
-        let programs = (0..dice.whole(1..=3)).map(|_| program::draw(dice, &machine));
-        let programs = programs.chain(program::special(&mut Dice::new(seed, 6), &machine));
-        let mut programs: Vec<_> = programs.collect();
-        program::go(&mut Dice::new(seed, 16), &machine, &mut programs);
-        program::read_inputs(&mut Dice::new(seed, 18), &machine, &mut programs);
-        program::orient(&mut Dice::new(seed, 20), &machine, &mut programs);
         let dice = &mut Dice::new(seed, 2);
         let seconds = dice.between(DURATION.0, DURATION.1);
-        let cycles = (seconds * 1e6 / f64::from(machine.cycle_us)) as u32;
         let patience = (dice.chance(0.9)).then(|| *dice.pick(&[1, 10, 60, 300]));
-        let deeds = operator::draw(&mut Dice::new(seed, 3), &machine, programs.len(), cycles);
-        let mut troubles = interference::draw(&mut Dice::new(seed, 4), &machine, cycles);
-        interference::answer_wrongly(&mut Dice::new(seed, 7), &machine, &mut troubles);
-        interference::switch_inputs(&mut Dice::new(seed, 8), &machine, cycles, &mut troubles);
-        interference::slip(&mut Dice::new(seed, 12), &machine, cycles, &mut troubles);
-        Self {
+        let mut case = Self {
             seed,
-            machine,
-            programs,
-            deeds,
+            machine: MachineSpec::of(seed),
+            programs: Vec::new(),
+            deeds: Vec::new(),
             patience,
-            troubles,
-            cycles,
+            troubles: Vec::new(),
+            cycles: 0,
+        };
+        case.go_on(0, seconds);
+        case
+    }
+
+    /// The case of a seed that goes on for so many seconds, as a day at the machine does: behind what
+    /// [`Case::of`] has come other parts, each with programs, operators and troubles of its own. Somebody goes
+    /// on wherever the machine rests, nobody switches it off before, and what is broken is mended at the end of its
+    /// part.
+    #[must_use]
+    pub fn lasting(seed: u64, seconds: f64) -> Self {
+        let mut case = Self::of(seed);
+        case.patience = case.patience.or(Some(60));
+        case.mend(0);
+        let cycles = case.machine.cycles(seconds);
+        for part in 1.. {
+            if case.cycles >= cycles {
+                break;
+            }
+            let since = case.troubles.len();
+            case.go_on(part, DURATION.1);
+            case.mend(since);
         }
+        case.deeds.retain(|deed| deed.command != Command::SwitchOff);
+        case
+    }
+
+    /// Goes on with another part, of so many seconds.
+    fn go_on(&mut self, part: u64, seconds: f64) {
+        let (machine, cycles) = (&self.machine, self.machine.cycles(seconds));
+        let dice = |stream| Dice::new(self.seed, part << 8 | stream);
+        let mut draw = dice(1);
+        let programs = (0..draw.whole(1..=3)).map(|_| program::draw(&mut draw, machine));
+        let mut programs: Vec<_> = programs.collect();
+        programs.extend(program::special(&mut dice(6), machine));
+        program::go(&mut dice(16), machine, &mut programs);
+        program::read_inputs(&mut dice(18), machine, &mut programs);
+        program::orient(&mut dice(20), machine, &mut programs);
+        self.programs.extend(programs);
+
+        let deeds = operator::draw(&mut dice(3), machine, self.programs.len(), cycles);
+        let mut troubles = interference::draw(&mut dice(4), machine, cycles);
+        interference::answer_wrongly(&mut dice(7), machine, &mut troubles);
+        interference::switch_inputs(&mut dice(8), machine, cycles, &mut troubles);
+        interference::slip(&mut dice(12), machine, cycles, &mut troubles);
+        // The machine comes up once, in the first part.
+        let so_far = self.cycles;
+        let begins = |at: &When| part == 0 || matches!(at, When::Ready(_));
+        let deeds = deeds.into_iter().filter(|deed| begins(&deed.at));
+        self.deeds.extend(deeds.map(|deed| Deed {
+            at: deed.at.later(so_far),
+            ..deed
+        }));
+        let troubles = troubles.into_iter().filter(|trouble| begins(&trouble.at));
+        self.troubles.extend(troubles.map(|trouble| Trouble {
+            at: trouble.at.later(so_far),
+            ..trouble
+        }));
+        self.cycles += cycles;
+    }
+
+    /// Has somebody mend here what went wrong since so many troubles.
+    fn mend(&mut self, since: usize) {
+        let at = When::Ready(self.cycles);
+        let wrong = self.troubles[since..].iter();
+        let remedies = wrong.filter_map(|trouble| trouble.what.remedy());
+        let remedies: Vec<_> = remedies.map(|what| Trouble { at, what }).collect();
+        self.troubles.extend(remedies);
     }
 
     /// Whether nothing goes wrong, so that nothing may be told to be wrong. An input that is switched is
@@ -158,6 +203,25 @@ mod tests {
             assert_eq!(case, Case::of(seed));
             let text = serde_json::to_string(&case).unwrap();
             assert_eq!(serde_json::from_str::<Case>(&text).unwrap(), case, "{seed}");
+        }
+    }
+
+    #[test]
+    fn a_case_that_lasts_goes_on_where_that_of_its_seed_ends() {
+        for seed in 0..100 {
+            let (case, long) = (Case::of(seed), Case::lasting(seed, 60.0));
+            assert_eq!(long, Case::lasting(seed, 60.0));
+            let (machine, seconds) = (&case.machine, 60.0);
+            assert_eq!(&long.machine, machine);
+            assert!(long.cycles >= machine.cycles(seconds), "{seed}");
+            assert!(long.programs.starts_with(&case.programs), "{seed}");
+            assert!(long.programs.len() >= 7, "{seed}: {}", long.programs.len());
+            let off = |deed: &Deed| deed.command == Command::SwitchOff;
+            assert!(!long.deeds.iter().any(off), "{seed}");
+            for remedy in long.troubles.iter().filter_map(|it| it.what.remedy()) {
+                let mut troubles = long.troubles.iter();
+                assert!(troubles.any(|it| it.what == remedy), "{seed}: {remedy:?}");
+            }
         }
     }
 

@@ -189,6 +189,25 @@ impl ToDrive {
 }
 
 impl Interference {
+    /// What ends it, if it lasts.
+    pub(super) fn end(&self) -> Option<Self> {
+        match *self {
+            Self::Drive(drive, what) => what.end().map(|end| Self::Drive(drive, end)),
+            _ => None,
+        }
+    }
+
+    /// What has to be done about it before the machine can be enabled again, if nothing else ends it: it has to be
+    /// ended, or a drive with a fatal error to be switched off and on.
+    pub(super) fn remedy(&self) -> Option<Self> {
+        match *self {
+            Self::Drive(drive, ToDrive::Error(class)) if class > 3 => {
+                Some(Self::Drive(drive, ToDrive::Reset))
+            }
+            _ => self.end(),
+        }
+    }
+
     /// Its kind in a few words, for tables.
     #[must_use]
     pub fn kind(&self) -> &'static str {
@@ -256,13 +275,12 @@ pub(super) fn draw(dice: &mut Dice, machine: &MachineSpec, cycles: u32) -> Vec<T
             at,
             what: what.clone(),
         });
-        if let Interference::Drive(drive, what) = what
-            && let Some(end) = what.end()
+        if let Some(end) = what.end()
             && dice.chance(0.85)
         {
             troubles.push(Trouble {
                 at: at.later(dice.whole(1..=cycles / 2)),
-                what: Interference::Drive(drive, end),
+                what: end,
             });
         }
     }
@@ -286,10 +304,7 @@ pub(super) fn of_kind(dice: &mut Dice, machine: &MachineSpec, kind: &str) -> Opt
     }
     let drawn = (0..DRAWS).flat_map(|_| {
         let what = any(dice, machine);
-        let end = match what {
-            Interference::Drive(drive, what) => what.end().map(|it| Interference::Drive(drive, it)),
-            _ => None,
-        };
+        let end = what.end();
         [Some(what), end].into_iter().flatten()
     });
     let mut drawn = drawn.filter(|what| what.kind() == kind);

@@ -44,6 +44,10 @@ pub(super) struct Args {
     /// Play every N-th of the seeds alone, the I-th of them first: 0/4.
     #[arg(long, value_name = "I/N", requires = "seeds")]
     shard: Option<Shard>,
+    /// Have each case last so long from where its machine is ready, instead of a few seconds: parts with
+    /// programs, operators and troubles of their own, one behind the other, as in a day at the machine.
+    #[arg(long, value_name = "SECONDS", conflicts_with_all = ["case", "explore"])]
+    lasting: Option<f64>,
     /// Begin no seed after so many minutes.
     #[arg(long, requires = "seeds")]
     minutes: Option<f64>,
@@ -143,14 +147,14 @@ impl Args {
         panic::set_hook(Box::new(|_| ()));
         if !self.merge.is_empty() {
             return match self.merged() {
-                Ok(sum) => Self::exit(self.conclude(&sum, None, |seed| Ok(Case::of(seed)))),
+                Ok(sum) => Self::exit(self.conclude(&sum, None, |seed| Ok(self.case_of(seed)))),
                 Err(error) => super::bad_input(&error),
             };
         }
         let done = match (&self.seeds, &self.explore, self.seed, &self.case) {
             (Some(seeds), None, ..) => self.all(&seeds.0),
             (Some(seeds), Some(folder), ..) => self.explored(&seeds.0, folder),
-            (None, _, Some(seed), _) => self.one(&Case::of(seed)),
+            (None, _, Some(seed), _) => self.one(&self.case_of(seed)),
             (None, _, None, Some(file)) => match Case::load(file) {
                 Ok(case) => self.one(&case),
                 Err(error) => return super::bad_input(&error),
@@ -158,6 +162,14 @@ impl Args {
             (None, _, None, None) => return Exit::BadInput,
         };
         Self::exit(done)
+    }
+
+    /// The case of a seed, as long as it is to be.
+    fn case_of(&self, seed: u64) -> Case {
+        match self.lasting {
+            Some(seconds) => Case::lasting(seed, seconds),
+            None => Case::of(seed),
+        }
     }
 
     /// Whether nothing was found, as an exit code.
@@ -186,7 +198,7 @@ impl Args {
         let began = Instant::now();
         let sum = Mutex::new(Sum::default());
         self.each(seeds, |seed| {
-            let case = Case::of(seed);
+            let case = self.case_of(seed);
             let outcome = match seed % TWICE {
                 0 => campaign::run_twice(&case),
                 _ => campaign::run(&case, Wanted::default(), &mut |_| ()),
@@ -201,7 +213,7 @@ impl Args {
             sum.save(file)?;
         }
         let took = began.elapsed().as_secs_f64();
-        self.conclude(&sum, Some(took), |seed| Ok(Case::of(seed)))
+        self.conclude(&sum, Some(took), |seed| Ok(self.case_of(seed)))
     }
 
     /// Plays many cases that are steered to what was not reached; whether nothing was found.

@@ -5,6 +5,7 @@
 //! is how far the tool is off the path of those (`trail`). In the worst case they add up.
 
 use super::Observed;
+use super::kept::Kept;
 use super::limits::Watch;
 use super::record::{Greatest, Place, Violation};
 use super::summary::PathSummary;
@@ -94,7 +95,7 @@ impl Deviation {
         &mut self,
         observed: &Observed,
         time: f64,
-        violations: &mut Vec<Violation>,
+        violations: &mut Kept<Violation>,
     ) -> Option<OffPath> {
         let Observed {
             row, actual, line, ..
@@ -155,7 +156,7 @@ impl Deviation {
         &mut self,
         observed: &Observed,
         time: f64,
-        violations: &mut Vec<Violation>,
+        violations: &mut Kept<Violation>,
     ) -> Option<OffPath> {
         let Observed {
             row, actual, line, ..
@@ -187,7 +188,7 @@ impl Deviation {
     }
 
     /// Ends violations that go on.
-    pub(super) fn close(&mut self, violations: &mut Vec<Violation>) {
+    pub(super) fn close(&mut self, violations: &mut Kept<Violation>) {
         self.watch.close(violations);
         self.contour.close(violations);
     }

@@ -5,6 +5,7 @@
 //! without the drive's own idea of it. What is over between two cycles is not seen. Speed is held against that
 //! at which the motor's voltage is used up without load, where the drive's power stage is simulated.
 
+use super::kept::Kept;
 use super::limits::Watch;
 use super::record::{Greatest, Place, Violation};
 use super::summary::{DriveSummary, GantrySummary};
@@ -101,7 +102,7 @@ impl Drives {
         &mut self,
         at: Place,
         drive: impl Fn(usize) -> Option<Observation>,
-        violations: &mut Vec<Violation>,
+        violations: &mut Kept<Violation>,
     ) {
         self.seen.clear();
         self.seen.extend((0..self.drives.len()).map_while(drive));
@@ -135,7 +136,7 @@ impl Drives {
     }
 
     /// Ends the stretches that go on, and says what is wrong of the whole run.
-    pub(super) fn close(&mut self, end: Place, violations: &mut Vec<Violation>) {
+    pub(super) fn close(&mut self, end: Place, violations: &mut Kept<Violation>) {
         for gantry in &mut self.gantries {
             gantry.watch.close(violations);
         }
@@ -179,7 +180,7 @@ impl DriveWatch {
         }
     }
 
-    fn observe(&mut self, at: Place, seen: &Observation, violations: &mut Vec<Violation>) {
+    fn observe(&mut self, at: Place, seen: &Observation, violations: &mut Kept<Violation>) {
         let (torque, speed) = (seen.torque.abs(), seen.velocity.abs());
         self.torque.look(torque, at);
         self.speed.look(speed, at);
@@ -211,7 +212,7 @@ impl DriveWatch {
         }
     }
 
-    fn close(&mut self, rows: u64, end: Place, violations: &mut Vec<Violation>) {
+    fn close(&mut self, rows: u64, end: Place, violations: &mut Kept<Violation>) {
         for watch in &mut self.watches {
             watch.close(violations);
         }
@@ -274,7 +275,7 @@ impl GantryWatch {
         }
     }
 
-    fn observe(&mut self, at: Place, seen: &[Observation], violations: &mut Vec<Violation>) {
+    fn observe(&mut self, at: Place, seen: &[Observation], violations: &mut Kept<Violation>) {
         let [first, second] = [0, 1].map(|side| {
             let Side {
                 drive,

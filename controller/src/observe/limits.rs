@@ -23,6 +23,7 @@
 //! [`Drive::setpoint_range`]: syncline_drives::model::Drive::setpoint_range
 
 use super::differences::{Differences, Uncertainty};
+use super::kept::Kept;
 use super::record::{Place, Violation};
 use super::sent::SentSetpoints;
 use crate::control::Row;
@@ -75,7 +76,7 @@ impl Watch {
     /// Looks at a value. Its violation is made of where the stretch began.
     pub(super) fn look(
         &mut self,
-        violations: &mut Vec<Violation>,
+        violations: &mut Kept<Violation>,
         at: Place,
         value: f64,
         limit: f64,
@@ -92,7 +93,7 @@ impl Watch {
     }
 
     /// Ends a stretch that goes on.
-    pub(super) fn close(&mut self, violations: &mut Vec<Violation>) {
+    pub(super) fn close(&mut self, violations: &mut Kept<Violation>) {
         violations.extend(self.stretch.take().map(|(_, worst)| worst));
     }
 }
@@ -287,7 +288,7 @@ impl AxisWatches {
         sent: Option<&SentSetpoints>,
         time: f64,
         line: u32,
-        violations: &mut Vec<Violation>,
+        violations: &mut Kept<Violation>,
     ) {
         let at = self.coordinate;
         if row.axes[at].by_itself {
@@ -382,7 +383,7 @@ impl AxisWatches {
     }
 
     /// Ends the stretches that go on.
-    pub(super) fn close(&mut self, violations: &mut Vec<Violation>) {
+    pub(super) fn close(&mut self, violations: &mut Kept<Violation>) {
         for watch in &mut self.watches {
             watch.close(violations);
         }

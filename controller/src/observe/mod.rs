@@ -14,7 +14,7 @@
 //! - [`places`]: where a run was worst
 //! - [`provenance`]: where a result is from
 //! - [`operations`]: what the time of motion went into, by tool and by operation
-//! - `fourier`: spectra of stretches of rows
+//! - `fourier`: spectra of stretches of rows; `kept`: the first of what there may be any number of
 //! - [`trace`]: every row as CSV
 //! - [`sampled`]: motion that is known by samples alone, against limits
 //! - [`record`]: every row for a report, and what must not be
@@ -31,6 +31,7 @@ mod drives;
 pub mod flight_recorder;
 pub(crate) mod fourier;
 pub mod frames;
+mod kept;
 pub mod limits;
 pub mod loops;
 pub(crate) mod mapping;
@@ -56,6 +57,7 @@ use crate::program::{Extent, Moves, counted_speed};
 use axis_log::AxisLog;
 use deviation::Deviation;
 use drives::Drives;
+use kept::Kept;
 use limits::AxisWatches;
 use loops::LoopSummary;
 use operations::Operations;
@@ -121,7 +123,7 @@ pub struct Observers {
     operations: Operations,
     places: Places,
     switched: Switched,
-    violations: Vec<Violation>,
+    violations: Kept<Violation>,
     trace: Option<Trace>,
     axis_log: Option<AxisLog>,
     report: Option<Report>,
@@ -162,7 +164,7 @@ impl Observers {
             operations: Operations::default(),
             places: Places::default(),
             switched: Switched::default(),
-            violations: Vec::new(),
+            violations: Kept::default(),
             trace: trace.map(|file| Trace::begin(file, machine)),
             axis_log: None,
             report: report.then(|| Report::of(machine)),
@@ -341,17 +343,23 @@ impl Observers {
         }
     }
 
-    /// What must not be at the end of a run.
-    fn close(&mut self, layout: &Layout, controller: &Controller<COORDINATES>) {
+    /// What must not be, up to the end of a run, and how much of it is left off.
+    fn close(
+        &mut self,
+        layout: &Layout,
+        controller: &Controller<COORDINATES>,
+    ) -> (Vec<Violation>, u64) {
         for axis in &mut self.axes {
             axis.close(&mut self.violations);
         }
         self.deviation.close(&mut self.violations);
         let end = self.last();
         self.drives.close(end, &mut self.violations);
+        // Whatever was before, what ended the run is told.
+        let (mut violations, left_off) = std::mem::take(&mut self.violations).end();
         let mut violate = |what, arisen: Option<Place>, (value, limit, unit)| {
             let Place { time, line } = arisen.unwrap_or(end);
-            self.violations.push(Violation {
+            violations.push(Violation {
                 what,
                 axis: None,
                 time,
@@ -378,8 +386,9 @@ impl Observers {
         }
         let tolerance = self.tolerance;
         let short = (self.loops.iter()).flat_map(|it| it.short_of(&tolerance));
-        self.violations.extend(short);
-        (self.violations).sort_by(|one, other| one.time.total_cmp(&other.time));
+        violations.extend(short);
+        violations.sort_by(|one, other| one.time.total_cmp(&other.time));
+        (violations, left_off)
     }
 
     /// Where a run that did not come to its end stopped.
@@ -421,10 +430,10 @@ impl Observers {
         frames: Option<(String, Vec<f64>)>,
     ) -> io::Result<(Summary, Option<Report>)> {
         self.trace.take().map_or(Ok(()), Trace::finish)?;
-        self.close(layout, controller);
+        let (violations, violations_left_off) = self.close(layout, controller);
         let (digest, loads) = frames.unzip();
         let verdict = match controller.end() {
-            _ if !self.violations.is_empty() => "fail",
+            _ if !violations.is_empty() => "fail",
             Some(End::Finished | End::SwitchedOff) => "pass",
             Some(End::Interrupted) => "interrupted",
             Some(End::Fault(_)) | None => "fail",
@@ -433,7 +442,9 @@ impl Observers {
         let (drives, gantries) = self.drives.summaries();
         let cycle = self.cycle;
         let seconds = |cycles| seconds(cycle, cycles);
-        let (operations, tools) = std::mem::take(&mut self.operations).times(seconds);
+        let (switched, switched_left_off) = std::mem::take(&mut self.switched).end();
+        let (operations, operations_left_off, tools) =
+            std::mem::take(&mut self.operations).times(seconds);
         let (worst_places, slowest_places) = std::mem::take(&mut self.places).result();
         let summary = Summary {
             verdict,
@@ -462,11 +473,14 @@ impl Observers {
             gantries,
             loops: std::mem::take(&mut self.loops),
             operations,
+            operations_left_off,
             tools,
             worst_places,
             slowest_places,
-            switched: self.switched.states,
-            violations: self.violations,
+            switched,
+            switched_left_off,
+            violations,
+            violations_left_off,
         };
         if let Some(report) = &mut self.report {
             report.conclude(&summary);

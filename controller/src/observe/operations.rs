@@ -3,6 +3,7 @@
 //! An operation is what the program does with one tool at one speed and direction of the spindle: it begins where
 //! either of them is changed. Every cycle of motion belongs to one, so that they add up to the time of motion.
 
+use super::kept::Kept;
 use crate::control::Row;
 use crate::control::spindle::turning;
 use crate::machine::COORDINATES;
@@ -44,9 +45,11 @@ pub struct ToolTime {
 pub(super) struct Operations {
     /// Tool and spindle at the last row.
     with: (u32, Spindle),
-    /// The spindle of the last operation, as programmed.
-    spindle: Spindle,
-    all: Vec<(Operation, [u64; 2])>,
+    /// The tool of the last operation, and its spindle as programmed.
+    last: Option<(u32, Spindle)>,
+    all: Kept<(Operation, [u64; 2])>,
+    /// The cycles by tool, of all of them.
+    tools: BTreeMap<u32, [u64; 2]>,
 }
 
 impl Operations {
@@ -60,9 +63,8 @@ impl Operations {
         if moved == 0 {
             return;
         }
-        let goes_on = |(it, _): &(Operation, _)| it.tool == tool;
-        let same = std::mem::replace(&mut self.spindle, spindle.as_programmed());
-        if self.spindle != same || !self.all.last().is_some_and(goes_on) {
+        let operation = Some((tool, spindle.as_programmed()));
+        if std::mem::replace(&mut self.last, operation) != operation {
             let begun = Operation {
                 tool,
                 spindle: turning(spindle),
@@ -73,31 +75,28 @@ impl Operations {
             };
             self.all.push((begun, [0; 2]));
         }
-        if let Some((_, cycles)) = self.all.last_mut() {
-            let feed = row.plan.feed;
+        let feed = row.plan.feed;
+        let at_feed = feed > 0.0 && feed.is_finite();
+        let of_operation = self.all.last_mut().map(|(_, cycles)| cycles);
+        let of_tool = self.tools.entry(tool).or_default();
+        for cycles in of_operation.into_iter().chain([of_tool]) {
             cycles[0] += moved;
-            cycles[1] += if feed > 0.0 && feed.is_finite() {
-                moved
-            } else {
-                0
-            };
+            cycles[1] += if at_feed { moved } else { 0 };
         }
     }
 
-    /// By operation in their order, and by tool; nothing of a program that has neither tool nor spindle.
-    pub(super) fn times(self, seconds: impl Fn(u64) -> f64) -> (Vec<Operation>, Vec<ToolTime>) {
-        let mut uses = self.all.iter();
+    /// By operation in their order, with how many of them are left off, and by tool; nothing of a program that has
+    /// neither tool nor spindle.
+    pub(super) fn times(
+        self,
+        seconds: impl Fn(u64) -> f64,
+    ) -> (Vec<Operation>, u64, Vec<ToolTime>) {
+        let (all, left_off) = self.all.end();
+        let mut uses = all.iter();
         if !uses.any(|(it, _)| it.tool != 0 || it.spindle != 0.0) {
             return Default::default();
         }
-        let mut tools: BTreeMap<u32, [u64; 2]> = BTreeMap::new();
-        for (it, cycles) in &self.all {
-            let sums = tools.entry(it.tool).or_default();
-            for (sum, cycles) in sums.iter_mut().zip(cycles) {
-                *sum += cycles;
-            }
-        }
-        let tools = tools.into_iter().map(|(tool, cycles)| {
+        let tools = self.tools.into_iter().map(|(tool, cycles)| {
             let [motion_s, feed_s] = cycles.map(&seconds);
             ToolTime {
                 tool,
@@ -105,15 +104,15 @@ impl Operations {
                 feed_s,
             }
         });
-        let operations = self.all.iter().map(|(it, cycles)| {
+        let operations = all.into_iter().map(|(it, cycles)| {
             let [motion_s, feed_s] = cycles.map(&seconds);
             Operation {
                 motion_s,
                 feed_s,
-                ..it.clone()
+                ..it
             }
         });
-        (operations.collect(), tools.collect())
+        (operations.collect(), left_off, tools.collect())
     }
 }
 

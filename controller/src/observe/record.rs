@@ -20,8 +20,10 @@ pub struct Report {
     pub verdict: &'static str,
     /// The verdict's reason in a sentence: `finished`, or what stopped it.
     pub outcome: String,
-    /// Every violation, in order of time.
+    /// The violations, in order of time.
     pub violations: Vec<Violation>,
+    /// Further violations.
+    pub violations_left_off: u64,
     /// Name and value of what there is to say at once, in order: motion time, cycles, late setpoints, path length, bus
     /// load …
     pub facts: Vec<(String, String)>,
@@ -196,6 +198,7 @@ impl Report {
         self.verdict = summary.verdict;
         self.outcome.clone_from(&summary.outcome);
         self.violations.clone_from(&summary.violations);
+        self.violations_left_off = summary.violations_left_off;
         for (axis, sum) in self.axes.iter_mut().zip(&summary.axes) {
             axis.max_velocity = sum.max_velocity;
             axis.max_acceleration = sum.max_acceleration;

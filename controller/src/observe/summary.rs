@@ -61,9 +61,13 @@ pub struct Summary {
     /// The loops of simulated servo drives, as they are set in the end, in a validation.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub loops: Vec<LoopSummary>,
-    /// The time of motion with each tool and each speed of the spindle, in order, where there is either.
+    /// The time of motion with each tool and each speed of the spindle, in order, where there is either: the first
+    /// 10,000 operations.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub operations: Vec<Operation>,
+    /// Further operations.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub operations_left_off: u64,
     /// The time of motion with each tool, where there is one or a spindle.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub tools: Vec<ToolTime>,
@@ -73,11 +77,17 @@ pub struct Summary {
     /// The blocks that lost most time against their programmed feed, worst first: at most 100.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub slowest_places: Vec<SlowestPlace>,
-    /// What M-codes switched, in order.
+    /// What M-codes switched, in order: the first 10,000 changes.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub switched: Vec<SwitchedState>,
-    /// Everything that must not be.
+    /// Further changes.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub switched_left_off: u64,
+    /// What must not be: the first 10,000.
     pub violations: Vec<Violation>,
+    /// Further violations.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub violations_left_off: u64,
 }
 
 /// Where a run stopped that did not come to its end.
@@ -136,6 +146,14 @@ pub struct Times {
 }
 
 impl Times {
+    /// All of it, s.
+    #[must_use]
+    pub fn sum(&self) -> f64 {
+        let moving = self.motion_s + self.jogging_s;
+        let resting = self.dwell_s + self.waiting_s + self.awaiting_s;
+        moving + resting + self.planning_s + self.settling_s
+    }
+
     /// All but motion, as a person reads it; nothing where there is none.
     #[must_use]
     pub fn others(&self) -> String {
@@ -178,8 +196,16 @@ pub struct PathSummary {
     pub max_drive_deviation_at: Place,
 }
 
-fn is_zero(number: &f64) -> bool {
-    *number == 0.0
+fn is_zero<T: Default + PartialEq>(number: &T) -> bool {
+    *number == T::default()
+}
+
+/// Says how many of a list are left off, if any are.
+fn left_off(f: &mut fmt::Formatter<'_>, count: u64, of: &str) -> fmt::Result {
+    if count > 0 {
+        writeln!(f, "{:<18} {count} more {of}", "")?;
+    }
+    Ok(())
 }
 
 impl PathSummary {
@@ -367,6 +393,7 @@ impl fmt::Display for Summary {
         for operation in &self.operations {
             writeln!(f, "operation          line {}: {operation}", operation.line)?;
         }
+        left_off(f, self.operations_left_off, "operations")?;
         for violation in &self.violations {
             write!(f, "VIOLATION          {}", violation.what)?;
             if let Some(axis) = &violation.axis {
@@ -386,6 +413,7 @@ impl fmt::Display for Summary {
                 )?;
             }
         }
+        left_off(f, self.violations_left_off, "violations")?;
         if let Some(digest) = &self.frames_sha256 {
             writeln!(f, "frames SHA-256     {digest}")?;
         }

@@ -1,5 +1,6 @@
 //! What the program's M-codes switched, and when.
 
+use super::kept::Kept;
 use crate::control::spindle::turning;
 use crate::control::{MachineFunctions, Row};
 use crate::machine::COORDINATES;
@@ -29,14 +30,19 @@ pub struct SwitchedState {
     pub analog_outputs: [f64; ANALOG_OUTPUTS],
 }
 
-/// All changes so far.
+/// The changes so far.
 #[derive(Debug, Default)]
 pub(super) struct Switched {
     last: MachineFunctions,
-    pub(super) states: Vec<SwitchedState>,
+    states: Kept<SwitchedState>,
 }
 
 impl Switched {
+    /// The changes that are kept, and how many are not.
+    pub(super) fn end(self) -> (Vec<SwitchedState>, u64) {
+        self.states.end()
+    }
+
     /// Takes what happened at one SYNC.
     pub(super) fn observe(&mut self, row: &Row<COORDINATES>, time: f64) {
         let functions = row.functions;

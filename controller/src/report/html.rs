@@ -18,7 +18,7 @@ const LISTED: usize = 200;
 pub(super) fn page(report: &Report, summary: Option<&Summary>) -> String {
     let mut html = opened(&format!("{} · {}", report.machine, report.program));
     html += &head(report, summary);
-    html += &violations(&report.violations);
+    html += &violations(&report.violations, report.violations_left_off);
     let lines: Vec<&str> = report.source.lines().collect();
     let of = |part: &dyn Fn(&Summary) -> String| summary.map(part).unwrap_or_default();
     html += &of(&tables::bounds);
@@ -104,15 +104,16 @@ fn head(report: &Report, summary: Option<&Summary>) -> String {
     html + "</dl>\n"
 }
 
-fn violations(violations: &[Violation]) -> String {
+fn violations(violations: &[Violation], left_off: u64) -> String {
     if violations.is_empty() {
         return String::new();
     }
+    let all = violations.len() as u64 + left_off;
     let mut html = format!(
         "<section class=violations>\n<h2>{} violation{}</h2>\n<div class=scroll><table>\n<tr>\
          <th>What<th>Axis<th class=n>Time<th class=n>Line<th class=n>Value<th class=n>Limit</tr>\n",
-        count(violations.len() as u64),
-        if violations.len() == 1 { "" } else { "s" }
+        count(all),
+        if all == 1 { "" } else { "s" }
     );
     for violation in violations.iter().take(LISTED) {
         // A fault has no value.
@@ -133,11 +134,16 @@ fn violations(violations: &[Violation]) -> String {
         );
     }
     html += "</table></div>\n";
-    if violations.len() > LISTED {
-        let rest = count((violations.len() - LISTED) as u64);
-        _ = writeln!(html, "<p class=quiet>… and {rest} more.</p>");
-    }
+    html += &more(all.saturating_sub(LISTED as u64));
     html + "</section>\n"
+}
+
+/// What stands below a list that leaves so many off.
+pub(super) fn more(left_off: u64) -> String {
+    match left_off {
+        0 => String::new(),
+        _ => format!("<p class=quiet>… and {} more.</p>\n", count(left_off)),
+    }
 }
 
 /// The text of one of the program's lines.

@@ -1,6 +1,6 @@
 //! What a run came to, in tables: what bounded its time, its tools, drives and gantries, and where it is from.
 
-use super::html::{escape, line, line_text, section};
+use super::html::{escape, line, line_text, more, section};
 use super::plot::{self, Along, Curve};
 use super::scale::number;
 use crate::observe::loops::{Gain, Response};
@@ -77,7 +77,11 @@ pub(super) fn tools(summary: &Summary) -> String {
             operation.feed_s
         );
     }
-    section("Tools and operations", html + "</table></div>")
+    html += "</table></div>";
+    section(
+        "Tools and operations",
+        html + &more(summary.operations_left_off),
+    )
 }
 
 /// What M-codes switched.
@@ -118,7 +122,8 @@ pub(super) fn outputs(summary: &Summary) -> String {
             told(&analog)
         );
     }
-    section("Outputs", html + "</table></div>")
+    html += "</table></div>";
+    section("Outputs", html + &more(summary.switched_left_off))
 }
 
 /// Drives and gantries, as they truly were.

@@ -61,6 +61,7 @@ mod resumed_homing;
 mod run;
 mod shaper;
 mod signals;
+mod soak;
 mod splines;
 mod stepper;
 mod stops;

@@ -30,6 +30,13 @@ impl Checker for Ending {
     }
 
     fn ended(&mut self, scene: &Scene<'_>, played: &Played, found: &mut Found) {
+        let (summary, period) = (&played.summary, scene.period());
+        let (told, took) = (summary.times.sum(), summary.cycles as f64 * period);
+        if (told - took).abs() > 0.01 * period {
+            found.violate(NAME, scene, "the times do not make up the cycles", || {
+                format!("{told} s of {took} s: {:?}", summary.times)
+            });
+        }
         if !played.ended {
             found.violate(NAME, scene, "it does not go off", || {
                 format!("phase: {}, machine {}", scene.phase, scene.state)

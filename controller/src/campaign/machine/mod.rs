@@ -153,6 +153,26 @@ impl MachineSpec {
         outputs.collect()
     }
 
+    /// The machine of a seed, with all that it has.
+    pub(super) fn of(seed: u64) -> Self {
+        let mut machine = Self::draw(&mut Dice::new(seed, 0));
+        machine.wire(&mut Dice::new(seed, 5));
+        machine.equip(&mut Dice::new(seed, 9));
+        machine.home(&mut Dice::new(seed, 10));
+        machine.watch(&mut Dice::new(seed, 11));
+        machine.shape(&mut Dice::new(seed, 13));
+        machine.stream(&mut Dice::new(seed, 14));
+        machine.describe(&mut Dice::new(seed, 15));
+        machine.measure(&mut Dice::new(seed, 17));
+        machine.turn(&mut Dice::new(seed, 19));
+        machine
+    }
+
+    /// Cycles in so many seconds.
+    pub(super) fn cycles(&self, seconds: f64) -> u32 {
+        (seconds * 1e6 / f64::from(self.cycle_us)) as u32
+    }
+
     /// A random machine that fits its buses.
     pub(super) fn draw(dice: &mut Dice) -> Self {
         for _ in 0..DRAWS {
@@ -299,7 +319,7 @@ impl MachineSpec {
     }
 
     /// Gives some machines an I/O node or two, where the buses have room for what they carry then.
-    pub(super) fn equip(&mut self, dice: &mut Dice) {
+    fn equip(&mut self, dice: &mut Dice) {
         if !dice.chance(0.3) {
             return;
         }
@@ -323,7 +343,7 @@ impl MachineSpec {
     }
 
     /// Wires analog inputs to some I/O nodes, where the buses have room for what they tell.
-    pub(super) fn measure(&mut self, dice: &mut Dice) {
+    fn measure(&mut self, dice: &mut Dice) {
         let mut measuring = self.clone();
         for (place, io) in measuring.io_nodes.iter_mut().enumerate() {
             io.measure(dice, place as u8);
@@ -334,7 +354,7 @@ impl MachineSpec {
     }
 
     /// Has a drive turn the spindle of some machines, where the buses have room for it.
-    pub(super) fn turn(&mut self, dice: &mut Dice) {
+    fn turn(&mut self, dice: &mut Dice) {
         if !dice.chance(0.25) {
             return;
         }
@@ -364,7 +384,7 @@ impl MachineSpec {
     }
 
     /// Has some machines home axes of one drive: where they are set, or by a switch that is searched.
-    pub(super) fn home(&mut self, dice: &mut Dice) {
+    fn home(&mut self, dice: &mut Dice) {
         if !dice.chance(0.25) {
             return;
         }
@@ -380,7 +400,7 @@ impl MachineSpec {
     }
 
     /// Has encoders watch some axes that are not homed, where the buses have room for what they tell.
-    pub(super) fn watch(&mut self, dice: &mut Dice) {
+    fn watch(&mut self, dice: &mut Dice) {
         if !dice.chance(0.2) {
             return;
         }
@@ -406,7 +426,7 @@ impl MachineSpec {
 
     /// Has the drives of some axes be sent velocities, with an encoder that closes the loop or without, and some axes go
     /// point to point, where the buses have room for that.
-    pub(super) fn stream(&mut self, dice: &mut Dice) {
+    fn stream(&mut self, dice: &mut Dice) {
         if !dice.chance(0.35) {
             return;
         }
@@ -469,7 +489,7 @@ impl MachineSpec {
     }
 
     /// Has generic devices be as some maker's are.
-    pub(super) fn describe(&mut self, dice: &mut Dice) {
+    fn describe(&mut self, dice: &mut Dice) {
         if !dice.chance(0.5) {
             return;
         }
@@ -489,7 +509,7 @@ impl MachineSpec {
     }
 
     /// Has some machines shape their setpoints.
-    pub(super) fn shape(&mut self, dice: &mut Dice) {
+    fn shape(&mut self, dice: &mut Dice) {
         if !dice.chance(0.12) {
             return;
         }
