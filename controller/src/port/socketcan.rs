@@ -14,6 +14,7 @@ mod interface;
 
 pub use batch::{from_raw, to_raw};
 
+use super::arrival::Arrivals;
 use super::error_frame;
 use super::wire::Wire;
 use super::{Port, PortError};
@@ -73,6 +74,7 @@ pub struct SocketCan {
     /// Frames in one burst.
     burst_length: usize,
     batch: Batch,
+    arrivals: Arrivals,
     wire_clock: WireClock,
     /// Frames of the burst that have not been echoed.
     waiting: usize,
@@ -123,6 +125,7 @@ impl SocketCan {
             acyclic,
             burst_length: options.burst.len(),
             batch: Batch::new(options.receive.len() + options.burst.len() + BATCH_SLACK),
+            arrivals: Arrivals::new(),
             wire_clock: WireClock::default(),
             waiting: 0,
             returning: [CobId::SYNC, options.heartbeat].map(|id| (id.into(), 0)),
@@ -213,14 +216,16 @@ impl Port for SocketCan {
 
     fn receive(&mut self, sink: &mut dyn FnMut(Received)) -> Result<(), PortError> {
         for _ in 0..MOST_CALLS {
+            let asked = realtime::now();
             let count = match self.batch.receive(&self.burst) {
                 Ok(count) => count,
-                Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(()),
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
+                    self.arrivals.found_empty(asked);
+                    return Ok(());
+                }
                 Err(error) => return Err(self.fail("receiving", &error)),
             };
-            // The kernel stamps by CLOCK_REALTIME. Both clocks are read without a system call,
-            // so a step of it can only disturb what was on its way during the step.
-            let offset = realtime::wall_clock_offset();
+            let reading = self.arrivals.read();
             let mut failed = None;
             for index in 0..count {
                 let message = self.batch.message(index);
@@ -239,21 +244,21 @@ impl Port for SocketCan {
                     continue;
                 };
                 let echo = self.is_echo(&frame, message.flags);
-                let kernel = message.arrival(offset);
+                let kernel = reading.at(message.software);
                 let at = match message.hardware {
-                    Some(wire) => self.wire_clock.monotonic(wire, kernel),
+                    Some(wire) => {
+                        let at = self.wire_clock.monotonic(wire, kernel.as_nanos());
+                        Instant::from_nanos(at)
+                    }
                     None => kernel,
                 };
-                sink(Received {
-                    at: Instant::from_nanos(at),
-                    frame,
-                    echo,
-                });
+                sink(Received { at, frame, echo });
             }
             if let Some(error) = failed {
                 return Err(error);
             }
             if count < self.batch.capacity() {
+                self.arrivals.found_empty(asked);
                 return Ok(());
             }
         }
@@ -351,6 +356,7 @@ pub(crate) struct DriveSocket {
     name: String,
     socket: CanSocket,
     batch: Batch,
+    arrivals: Arrivals,
 }
 
 impl DriveSocket {
@@ -369,6 +375,7 @@ impl DriveSocket {
             name: interface.into(),
             socket,
             batch: Batch::new(BATCH_SLACK),
+            arrivals: Arrivals::new(),
         })
     }
 
@@ -387,16 +394,20 @@ impl Wire for DriveSocket {
     }
 
     fn receive(&mut self, sink: &mut dyn FnMut(Instant, &Frame)) -> Result<bool, PortError> {
+        let asked = realtime::now();
         let count = match self.batch.receive(&self.socket) {
             Ok(count) => count,
-            Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(false),
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
+                self.arrivals.found_empty(asked);
+                return Ok(false);
+            }
             Err(error) => return Err(self.fail("receiving", &error)),
         };
-        let offset = realtime::wall_clock_offset();
+        let reading = self.arrivals.read();
         for index in 0..count {
             let message = self.batch.message(index);
             if let Some(frame) = from_raw(&message.raw) {
-                sink(Instant::from_nanos(message.arrival(offset)), &frame);
+                sink(reading.at(message.software), &frame);
             }
         }
         Ok(count > 0)

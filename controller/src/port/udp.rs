@@ -184,7 +184,7 @@ impl Wire for Group {
                     && received.interface == self.interface
                     && let Some(frame) = decode(&bytes[..received.length])
                 {
-                    sink(self.arrivals.at(received.stamp), &frame);
+                    sink(self.arrivals.read().at(received.stamp), &frame);
                 }
                 Ok(true)
             }
@@ -222,8 +222,8 @@ struct Received {
     from: u16,
     /// Number of the interface that it came by.
     interface: u32,
-    /// When it came, on CLOCK_REALTIME.
-    stamp: Option<TimeSpec>,
+    /// When it came, in nanoseconds of CLOCK_REALTIME.
+    stamp: Option<u64>,
 }
 
 impl Group {
@@ -247,7 +247,11 @@ impl Group {
         };
         for told in message.cmsgs()? {
             match told {
-                ControlMessageOwned::ScmTimestampns(stamp) => received.stamp = Some(stamp),
+                ControlMessageOwned::ScmTimestampns(stamp) => {
+                    let [seconds, nanos] =
+                        [stamp.tv_sec(), stamp.tv_nsec()].map(i64::cast_unsigned);
+                    received.stamp = Some(seconds * 1_000_000_000 + nanos);
+                }
                 ControlMessageOwned::Ipv4PacketInfo(info) => {
                     received.interface = info.ipi_ifindex.cast_unsigned();
                 }

@@ -1,7 +1,6 @@
 //! Frames as the kernel has them, and many of them in one call: `sendmmsg(2)`, `recvmmsg(2)`.
 
 use crate::bus::BURST_CAPACITY;
-use crate::realtime;
 use libc::{c_int, can_frame, iovec, mmsghdr, timespec};
 use socketcan::CanSocket;
 use std::io;
@@ -101,16 +100,6 @@ pub(super) struct Message {
     pub(super) hardware: Option<u64>,
     /// Frames lost so far for want of room in the socket.
     pub(super) overruns: Option<u32>,
-}
-
-impl Message {
-    /// When the kernel took it in, on CLOCK_MONOTONIC; now, if it did not say.
-    pub(super) fn arrival(&self, offset: u64) -> u64 {
-        self.software.map_or_else(
-            || realtime::now().as_nanos(),
-            |stamp| stamp.wrapping_sub(offset),
-        )
-    }
 }
 
 impl Batch {
