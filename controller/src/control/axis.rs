@@ -441,13 +441,16 @@ impl AxisControl {
     }
 
     /// Freezes the axis where its drives' setpoints are; the plan starts from the returned
-    /// machine position in mm.
+    /// machine position in mm. How far the sides of a gantry are out of square is in its plan then, and not in offsets
+    /// of theirs, so that it can be taken out.
     pub(super) fn freeze(&mut self, nodes: &[DeviceNode]) -> Result<f64, Fault> {
         let position = self.locate(nodes)?;
         self.forget_motion();
-        let side = |side: usize| nodes[self.spec.drives[side]].actual_mm();
-        if self.sides.len() == 2 && self.skewed((side(1) - side(0)).abs()) {
-            return Ok(self.reseat(nodes));
+        if let [one, other] = self.spec.drives[..] {
+            let apart = nodes[other].actual_mm() - nodes[one].actual_mm();
+            if self.skewed(apart.abs()) || self.is_out_of_square(apart, nodes) {
+                return Ok(self.reseat(nodes));
+            }
         }
         self.seat(position, nodes)?;
         Ok(position)
@@ -605,7 +608,8 @@ impl AxisControl {
             let act = self.actual(cycle, side, nodes);
             let following_error = self.due(cycle, side, nodes) - act;
             if side == 0 || following_error.abs() > worst.following_error.abs() {
-                worst.set = self.history.latched(cycle, nodes[drive].delay()).position;
+                let latched = self.history.latched(cycle, nodes[drive].delay());
+                (worst.set, worst.apart) = (latched.position, latched.apart);
                 worst.act = act;
                 worst.following_error = following_error;
             }

@@ -138,6 +138,16 @@ pub enum Event {
         /// How far the second stands beyond the first, mm.
         apart: f64,
     },
+    /// The sides of a gantry that is enabled are out of square, and no further apart than they may be.
+    OutOfSquare {
+        /// Which axis.
+        axis: AxisIndex,
+        /// How far the second stands beyond the first, mm.
+        apart: f64,
+        /// They stay so: the machine was reset, which moves nothing, or a door or the feed hold forbids it. Otherwise it
+        /// is taken out before the machine is ready.
+        stays: bool,
+    },
     /// The reference that an axis had when the machine was on last still holds.
     Recalled {
         /// Which axis.
@@ -385,6 +395,8 @@ pub enum Phase {
     OperationEnabled,
     /// Starts the operating mode on the frozen setpoint.
     ModeStart,
+    /// Takes gantries square that stand a little askew.
+    Square,
     /// Setpoints follow the program.
     Program,
     /// A stop on the path.
@@ -417,6 +429,7 @@ impl fmt::Display for Phase {
             Self::ReadyToSwitchOn => "preparing the power stages",
             Self::OperationEnabled => "power stages on",
             Self::ModeStart => "setpoints frozen, starting the operating mode",
+            Self::Square => "taking gantries square",
             Self::Program => "ready",
             Self::Stop => "coming to rest",
             Self::QuickStop => "quick stop",
@@ -552,6 +565,7 @@ impl Event {
             Self::Frozen { axis, .. }
             | Self::Referenced { axis, .. }
             | Self::Askew { axis, .. }
+            | Self::OutOfSquare { axis, .. }
             | Self::Tested { axis, .. }
             | Self::Unreferenced { axis, .. }
             | Self::Recalled { axis, .. }
@@ -706,6 +720,15 @@ impl Event {
                 "axis {name}: its sides are {:.3} {unit} apart: home it to take it square",
                 apart.abs()
             ),
+            Self::OutOfSquare { apart, stays, .. } => {
+                let apart = format!("axis {name}: its sides are {apart:.3} {unit} out of square");
+                match stays {
+                    true => format!(
+                        "{apart} and stay so: disable and enable the drives, or home it, to take it square"
+                    ),
+                    false => format!("{apart}: they are taken square before the machine is ready"),
+                }
+            }
             Self::Unreferenced { why, .. } => {
                 let why = match why {
                     LostReference::DriveGone => "as its drive was gone: home it",

@@ -177,6 +177,9 @@ impl<const N: usize> Controller<N> {
             InputMeaning::FeedHold | InputMeaning::Door if state.allows(Request::FeedHold) => {
                 self.hold_path();
             }
+            InputMeaning::FeedHold | InputMeaning::Door if self.phase == Phase::Square => {
+                self.stop_squaring();
+            }
             InputMeaning::FeedHold if state == State::Homing => {
                 self.interrupt_homing(HomingFailure::FeedHold);
             }

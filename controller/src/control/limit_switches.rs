@@ -56,7 +56,7 @@ impl<const N: usize> Controller<N> {
     /// A switch forbids it.
     pub(super) fn watch_limit_switches(&mut self) -> Result<(), Fault> {
         let layout = Arc::clone(&self.layout);
-        let moves = (Phase::Program..=Phase::Stop).contains(&self.phase);
+        let moves = (Phase::Square..=Phase::Stop).contains(&self.phase);
         let bounces = (BOUNCE.as_nanos() / layout.cycle.as_nanos()) as u64;
         let mut forbidden = Ok(());
         for (index, axis) in layout.axes.iter().enumerate() {

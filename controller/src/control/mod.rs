@@ -251,6 +251,8 @@ pub struct Controller<const N: usize> {
     /// What the phase does once, after its entry, has been done.
     acted: bool,
     goal: Goal,
+    /// The drives are brought back after a fault, which moves nothing.
+    resets: bool,
     /// What stopped the machine, the first cause first, until it is reset.
     faults: Vec<Fault>,
     /// Also without a job.
@@ -356,6 +358,7 @@ impl<const N: usize> Controller<N> {
             phase_cycle: 0,
             acted: false,
             goal: Goal::Ready,
+            resets: false,
             faults: Vec::with_capacity(MOST_FAULTS),
             stays_on: false,
             job: Some(Job::ONLY),
@@ -525,7 +528,7 @@ impl<const N: usize> Controller<N> {
     /// Goes through what the wake-up for the setpoints of a moving machine works with, so that the
     /// processor's caches have it; changes nothing.
     pub fn rehearse(&self) {
-        if !self.setpoint_is_next || !(Phase::Program..=Phase::Stop).contains(&self.phase) {
+        if !self.setpoint_is_next || !(Phase::Square..=Phase::Stop).contains(&self.phase) {
             return;
         }
         black_box(self.executor.setpoint());
@@ -613,7 +616,7 @@ impl<const N: usize> Controller<N> {
     /// Before and behind the path the setpoints do not change, so that the ones before are as good;
     /// and there answers to SDO requests may be in their way.
     fn miss(&mut self, bus: BusIndex, cycle: u64) {
-        if !(Phase::Program..=Phase::Stop).contains(&self.phase) {
+        if !(Phase::Square..=Phase::Stop).contains(&self.phase) {
             return;
         }
         self.tell(Event::LateSetpoint { bus, cycle });

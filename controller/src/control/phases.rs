@@ -1,6 +1,7 @@
 //! From power-up to a machine that is ready and from there to power-down, one phase after the other.
 
 use super::InputWait;
+use super::axis::AxisControl;
 use super::beside_path::BesidePath;
 use super::fault::{AwaitedState, DeviceCause, DeviceIndex, Fault};
 use super::{
@@ -100,8 +101,16 @@ impl<const N: usize> Controller<N> {
                 }
             }
             Phase::ModeStart if self.sequences_done() => {
-                self.await_all(AwaitedState::ModeStarted, Phase::Program, out)?;
+                let mut axes = self.axes.iter();
+                let out_of_square =
+                    axes.any(|it| it.out_of_square(self.cycle, &self.nodes).is_some());
+                let next = match out_of_square {
+                    true => Phase::Square,
+                    false => Phase::Program,
+                };
+                self.await_all(AwaitedState::ModeStarted, next, out)?;
             }
+            Phase::Square => self.await_squares(out)?,
             _ => {}
         }
         Ok(())
@@ -214,6 +223,12 @@ impl<const N: usize> Controller<N> {
                 self.set_power(PowerCommand::Run);
                 self.ask(DeviceNode::ask_mode);
             }
+            Phase::Square => {
+                self.mode_cycle.get_or_insert(self.cycle + 1);
+                if let Err(fault) = self.take_square() {
+                    self.fail(fault);
+                }
+            }
             Phase::Program => {
                 self.mode_cycle.get_or_insert(self.cycle + 1);
                 if !self.stays_on
@@ -234,9 +249,7 @@ impl<const N: usize> Controller<N> {
                 }
                 self.threading.abort();
                 self.leave_samples();
-                for axis in &mut self.axes {
-                    axis.stop_squaring(self.cycle + 1);
-                }
+                self.stop_squaring();
                 self.stop_path();
                 self.positioning = None;
                 self.let_go(false);
@@ -273,7 +286,7 @@ impl<const N: usize> Controller<N> {
             },
             Phase::Disabled | Phase::ReadyToSwitchOn | Phase::OperationEnabled => Phase::ShutDown,
             Phase::ModeStart => Phase::ModeEnd,
-            Phase::Program => Phase::Stop,
+            Phase::Square | Phase::Program => Phase::Stop,
             Phase::Stop
             | Phase::QuickStop
             | Phase::ModeEnd
@@ -290,6 +303,7 @@ impl<const N: usize> Controller<N> {
     /// Enables drives that are disabled.
     pub(super) fn enable(&mut self) {
         self.goal = Goal::Ready;
+        self.resets = false;
         if self.sync_on {
             self.enter(Phase::Disabled, &mut []);
         } else {
@@ -302,6 +316,7 @@ impl<const N: usize> Controller<N> {
     pub(super) fn reset(&mut self) {
         self.faults.clear();
         self.goal = Goal::Ready;
+        self.resets = true;
         self.bring_up();
     }
 
@@ -543,6 +558,68 @@ impl<const N: usize> Controller<N> {
         }
         self.plan_from_rest();
         self.frozen = true;
+        Ok(())
+    }
+
+    /// Gantries that stand a little askew are taken square, but after a reset, which moves nothing, and with an open door.
+    fn take_square(&mut self) -> Result<(), Fault> {
+        if self.resets || self.open_door().is_some() {
+            return self.keep_apart();
+        }
+        for index in 0..self.axes.len() {
+            let axis = &mut self.axes[index];
+            if let Some(apart) = axis.out_of_square(self.cycle, &self.nodes) {
+                axis.square(self.cycle + 1);
+                self.tell(Event::OutOfSquare {
+                    axis: index,
+                    apart,
+                    stays: false,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Gantries that are out of square stay so.
+    fn keep_apart(&mut self) -> Result<(), Fault> {
+        for index in 0..self.axes.len() {
+            let axis = &mut self.axes[index];
+            if let Some(apart) = axis.out_of_square(self.cycle, &self.nodes) {
+                axis.keep_apart(self.cycle, &self.nodes)?;
+                self.tell(Event::OutOfSquare {
+                    axis: index,
+                    apart,
+                    stays: true,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// The sides of gantries come to rest against each other.
+    pub(super) fn stop_squaring(&mut self) {
+        for axis in &mut self.axes {
+            axis.stop_squaring(self.cycle + 1);
+        }
+    }
+
+    /// The machine is ready once the sides of its gantries rest against each other, square or where they were stopped.
+    ///
+    /// # Errors
+    /// An axis does not come to rest where it is planned.
+    fn await_squares(&mut self, out: &mut [Outbox]) -> Result<(), Fault> {
+        let check =
+            |axis: &AxisControl| axis.check_standstill(&axis.sample(self.cycle, &self.nodes));
+        let settled = self.axes.iter().try_for_each(check);
+        let rested = self.cycle - self.moved.max(self.phase_cycle);
+        if settled.is_err() && rested > self.cycles(self.layout.state_timeout) {
+            return settled;
+        }
+        // No side moves any more, also of drives that are sent their setpoints later.
+        if settled.is_ok() && rested >= self.still_cycles().into() {
+            self.keep_apart()?;
+            self.enter(Phase::Program, out);
+        }
         Ok(())
     }
 

@@ -13,7 +13,7 @@ use std::fmt;
 pub enum State {
     /// Nothing is sent: the machine is off for good.
     Off,
-    /// The drives are found, set up and enabled.
+    /// The drives are found, set up and enabled, and gantries taken square that stand a little askew.
     Starting,
     /// At rest, drives enabled, without a job.
     Ready,

@@ -18,7 +18,7 @@ impl<const N: usize> Controller<N> {
         self.nodes.iter_mut().for_each(DeviceNode::watch_standstill);
         self.watch_spindle();
         let phase = self.phase;
-        if (Phase::Program..=Phase::QuickStop).contains(&phase) {
+        if (Phase::Square..=Phase::QuickStop).contains(&phase) {
             self.sample_axes();
         }
         if !self.sync_on || !(Phase::Lock..=Phase::Stop).contains(&phase) {
@@ -48,7 +48,7 @@ impl<const N: usize> Controller<N> {
         node.check_alive(now, &mut event_sink(&mut self.events))?;
         match phase {
             Phase::ModeStart => node.check_follows(false),
-            Phase::Program | Phase::Stop => node.check_follows(true),
+            Phase::Square | Phase::Program | Phase::Stop => node.check_follows(true),
             _ => node.check_no_fault(),
         }
     }
@@ -198,7 +198,7 @@ impl<const N: usize> Controller<N> {
 
     /// Whether axes may move, so that it matters how they come to rest.
     fn follows_plan(&self) -> bool {
-        (Phase::Program..=Phase::Stop).contains(&self.phase)
+        (Phase::Square..=Phase::Stop).contains(&self.phase)
     }
 
     /// Has drives come to rest by themselves.

@@ -6,7 +6,7 @@ use super::homing::{self, HomingTable};
 use super::limit_inputs::LimitTable;
 use super::read::TURN;
 use super::simulation::{self, Simulation};
-use super::{Axis, AxisLimits, Feedback, Homing, Motion};
+use super::{Axis, AxisLimits, Feedback, Homing, Motion, Square};
 use std::{ops::Range, time::Duration};
 use syncline_drives::model::Ability;
 use syncline_gcode as gcode;
@@ -205,7 +205,10 @@ impl AxisTable {
             letter: self.letter,
             drives,
             limits: self.limits,
-            homing: Homing::default(),
+            homing: Homing {
+                square: (self.limits.skew).map(|skew| Square::usual(&self.limits, skew)),
+                ..Homing::default()
+            },
             limit_inputs: [Vec::new(), Vec::new()],
             feedback: encoder.zip(self.feedback).map(|(encoder, table)| Feedback {
                 encoder,

@@ -61,6 +61,20 @@ pub struct Square {
     pub squareness: f64,
 }
 
+impl Square {
+    /// `square_speed` where it is not said, of the greatest velocity.
+    const USUAL_SPEED: f64 = 0.01;
+
+    /// Of a gantry without `[axis.homing]`, whose sides may be so far apart.
+    pub(super) fn usual(limits: &AxisLimits, skew: f64) -> Self {
+        Self {
+            most: skew,
+            speed: Self::USUAL_SPEED * limits.velocity,
+            squareness: 0.0,
+        }
+    }
+}
+
 /// How an axis finds its place.
 #[derive(Clone, Debug, PartialEq)]
 pub enum HomingMethod {
@@ -365,7 +379,7 @@ fn square(
         log,
         table,
         "square_speed",
-        0.01 * fastest,
+        Square::USUAL_SPEED * fastest,
         0.001..=fastest,
         "(mm/s)",
     );

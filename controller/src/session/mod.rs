@@ -146,7 +146,9 @@ impl<T: Timeline> Session<T> {
         let mut status = Status::default();
         for axis in &layout.axes {
             status.referenced[axis.coordinate] = axis.homing.is_absolute();
-            status.squareness[axis.coordinate] = axis.homing.square.map(|square| Squareness {
+            // Where encoders tell how square a gantry is, there is nothing to show of one that is.
+            let searched = axis.homing.square.filter(|_| !axis.homing.tells_place());
+            status.squareness[axis.coordinate] = searched.map(|square| Squareness {
                 stored: square.squareness,
                 measured: None,
             });
@@ -587,6 +589,9 @@ impl Desk {
                     control::Event::Referenced { axis, apart, .. } => {
                         self.show_reference(axis, true, Some(apart));
                     }
+                    control::Event::OutOfSquare { axis, apart, .. } => {
+                        self.show_reference(axis, true, Some(apart));
+                    }
                     control::Event::Recalled { axis, .. } => self.show_reference(axis, true, None),
                     control::Event::Unreferenced { axis, .. }
                     | control::Event::Askew { axis, .. } => self.show_reference(axis, false, None),
@@ -715,7 +720,13 @@ impl Desk {
     fn show_reference(&mut self, axis: usize, referenced: bool, apart: Option<f64>) {
         let at = self.coordinates[axis];
         self.status.referenced[at] = referenced;
-        if let Some(squareness) = &mut self.status.squareness[at] {
+        let shown = &mut self.status.squareness[at];
+        if let (Some(square), Some(_)) = (self.layout.axes[axis].homing.square, apart) {
+            *shown = Some(Squareness {
+                stored: square.squareness,
+                measured: apart,
+            });
+        } else if let Some(squareness) = shown {
             squareness.measured = apart;
         }
     }

@@ -606,7 +606,7 @@ fn skewed_router(
 }
 
 /// How far the second side of X really stands beyond the first, mm.
-fn apart(rig: &mut Rig) -> f64 {
+pub(super) fn apart(rig: &mut Rig) -> f64 {
     truth(rig, X2) - truth(rig, X1)
 }
 

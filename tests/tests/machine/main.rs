@@ -42,6 +42,7 @@ mod mixed;
 mod operations;
 mod operator;
 mod oriented;
+mod out_of_square;
 mod own_homing;
 mod pages;
 mod point_to_point;

@@ -1,6 +1,6 @@
 //! The sides of a gantry axis against each other: how far they are planned apart, and how that goes to zero.
 
-use super::AxisControl;
+use super::{AxisControl, DeviceNode, Fault};
 use crate::machine::Square;
 use syncline_trajectory::limits::Limits;
 use syncline_trajectory::profile::{Profile, State};
@@ -8,6 +8,9 @@ use syncline_trajectory::state_to_state::{self, Problem};
 
 /// The part of the axis' limits of acceleration and jerk with which its sides move against each other.
 const GENTLE: f64 = 0.1;
+
+/// So many increments the sides of a square axis may be counted apart, for rounding and noise.
+const COUNTED: f64 = 2.0;
 
 /// A motion of an axis' sides against each other.
 #[derive(Clone, Copy, Debug)]
@@ -41,6 +44,30 @@ impl AxisControl {
     pub(in super::super) fn askew(&self, cycle: u64) -> Option<f64> {
         let apart = self.apart(cycle);
         self.skewed(apart.abs()).then_some(apart)
+    }
+
+    /// How far its sides are planned apart, where that is taken out as it is enabled: no further than they may be.
+    pub(in super::super) fn out_of_square(&self, cycle: u64, nodes: &[DeviceNode]) -> Option<f64> {
+        let apart = self.apart(cycle);
+        let told = self.is_out_of_square(apart, nodes) && !self.skewed(apart.abs());
+        told.then_some(apart)
+    }
+
+    /// Whether sides that are so far apart, mm, are not where they belong, which is known.
+    pub(super) fn is_out_of_square(&self, apart: f64, nodes: &[DeviceNode]) -> bool {
+        let drives = self.spec.drives.iter();
+        let resolution = drives.map(|&drive| nodes[drive].scaling().resolution());
+        let least = COUNTED * resolution.fold(0.0, f64::max);
+        self.referenced && self.tested && apart.abs() > least
+    }
+
+    /// Its sides stay as far apart as they are planned to rest now, and count from there.
+    pub(in super::super) fn keep_apart(
+        &mut self,
+        cycle: u64,
+        nodes: &[DeviceNode],
+    ) -> Result<(), Fault> {
+        self.seat(self.history.planned(cycle, 0.0).position, nodes)
     }
 
     fn square_limits(&self) -> Option<(Square, Limits)> {
