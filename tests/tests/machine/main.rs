@@ -6,6 +6,7 @@ mod bad_input;
 mod beam;
 mod bounds;
 mod bring_up;
+mod captured_edges;
 mod causes;
 mod cia402_csp;
 mod compare;

@@ -185,7 +185,7 @@ impl HomingFailure {
             }
             Self::NoSpeed => "the rapid override is 0: raise it".into(),
             Self::DoorOpen => "a door is open: close it".into(),
-            Self::FeedHold => "the input for feed hold came on".into(),
+            Self::FeedHold => "the input for feed hold came on: home it again once that is off".into(),
             Self::NotHome => "its drive did not find its place by itself: check the switches wired to the drive, the \
                  functions of its inputs, and `method`"
                 .into(),
