@@ -67,6 +67,7 @@ mod writers;
 #[cfg(fuzzing)]
 pub use self::{events::fuzz as fuzz_events, plan::fuzz as fuzz_cases};
 
+use crate::control::{self, Layout};
 use crate::realtime;
 use clap::{Parser, Subcommand};
 use std::borrow::Cow;
@@ -248,6 +249,17 @@ fn core(text: &str) -> Result<usize, String> {
     let cores = realtime::cores();
     let core = text.parse().ok().filter(|core| *core < cores);
     core.ok_or_else(|| format!("this machine has cores 0 to {}", cores - 1))
+}
+
+/// What is told of something that happened to the machine: but for what happens in every run, and for a device's own
+/// signal that an input of the machine is wired to, as that tells it by its name. `verbose` tells those, too.
+fn told_event(event: &control::Event, layout: &Layout, verbose: bool) -> Option<String> {
+    let once_more = match event {
+        control::Event::Signal { device, signal, .. } => layout.is_input(*device, *signal),
+        _ => false,
+    };
+    let tells = verbose || !(event.is_routine() || once_more);
+    tells.then(|| event.describe(layout)).flatten()
 }
 
 /// Prints an error with everything that caused it, one line, to standard error.

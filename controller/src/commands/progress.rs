@@ -3,8 +3,8 @@
 
 use super::output::Stream;
 use super::repeats::{self, Repeats};
-use super::told;
 use super::writers::GIVE_UP;
+use super::{told, told_event};
 use crate::control::{self, Layout};
 use crate::machine::Machine;
 use crate::program::{Extent, Program, Reading, counted_speed};
@@ -176,8 +176,7 @@ impl Screen {
 
     /// The line of an event that is worth one.
     fn text(&self, event: &control::Event) -> Option<String> {
-        let told = self.verbose || !event.is_routine();
-        told.then(|| event.describe(&*self.layout)).flatten()
+        told_event(event, &self.layout, self.verbose)
     }
 
     /// What the machine does, beside the bar.

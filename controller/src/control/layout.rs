@@ -447,6 +447,14 @@ impl BusSpec {
     }
 }
 
+impl Layout {
+    /// Whether a signal of a device is an input that the machine file names.
+    pub(crate) fn is_input(&self, device: DeviceIndex, signal: usize) -> bool {
+        let mut inputs = self.inputs.iter();
+        inputs.any(|input| (input.node, input.signal) == (device, signal))
+    }
+}
+
 impl Names for Layout {
     fn device(&self, device: DeviceIndex) -> (NodeId, &str, &str) {
         let device = &self.devices[device];

@@ -447,7 +447,7 @@ impl Desk {
         };
         self.first += 1;
         match (&issued.command, what) {
-            (_, What::Begin(number, moves)) => self.begun(number, *moves),
+            (command, What::Begin(number, moves)) => self.begun(number, *moves, command),
             (Command::Reset, _) => {
                 self.faults.clear();
                 self.status.stopped = None;
@@ -465,7 +465,7 @@ impl Desk {
     }
 
     /// A job has begun, maybe in the place of one that is held.
-    fn begun(&mut self, number: u64, moves: Moves) {
+    fn begun(&mut self, number: u64, moves: Moves, command: &Command) {
         let Status {
             line,
             tool,
@@ -477,6 +477,11 @@ impl Desk {
             jobs.begun(number, held, line, tool);
         }
         self.job = Job::new(number, moves);
+        self.status.typed = match command {
+            Command::Mdi(lines) => Some(lines.clone()),
+            Command::SetWorkOffset(_) | Command::SetToolLength(_) => Some(String::new()),
+            _ => None,
+        };
         self.left = None;
         self.show_programs();
     }

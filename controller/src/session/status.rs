@@ -36,8 +36,11 @@ pub struct Status {
     /// How long the program still takes, with these overrides and without stops for an operator, s; `None` where
     /// that is not known, not asked for, or an override has it stand still.
     pub remaining: Option<f64>,
-    /// The program's line.
+    /// The line of the program, or of what was typed in.
     pub line: u32,
+    /// What was typed in, where that is at work or was last and not a program; of an offset or a length that was set
+    /// nothing.
+    pub typed: Option<String>,
     /// Setpoints, mm and degrees.
     pub setpoint: [f64; COORDINATES],
     /// Where the axes are, mm and degrees.
@@ -115,6 +118,7 @@ impl Default for Status {
             time: None,
             remaining: None,
             line: 0,
+            typed: None,
             setpoint: [0.0; COORDINATES],
             actual: [0.0; COORDINATES],
             velocity: [0.0; COORDINATES],

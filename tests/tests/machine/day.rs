@@ -19,7 +19,7 @@ use syncline_drives::bus::Transmission;
 use syncline_drives::model::PowerState;
 use syncline_drives::twin::{Disturbance, ErrorClass};
 use syncline_gcode::{AxisLetter, Tables, Turning};
-use syncline_tests::command::{Folder, ended, syncline};
+use syncline_tests::command::{Folder, ended, machine_with, syncline};
 use syncline_tests::rig::Rig;
 use syncline_tests::terminal::Terminal;
 
@@ -271,28 +271,14 @@ fn lines_of_text_are_a_day_too() {
          disable\nwait\nrun\nenable\n",
         part.display()
     );
-    let mut console = syncline();
-    console.arg("console").arg(&machine);
-    let console = console
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped());
-    let mut console = console.spawn().expect("it starts");
-    console
-        .stdin
-        .take()
-        .unwrap()
-        .write_all(lines.as_bytes())
-        .unwrap();
-    let output = console.wait_with_output().unwrap();
-    let (code, told, errors) = ended(&output);
-    assert_eq!(code, 0, "{told}{errors}");
+    let told = console_by_lines(&machine, &lines);
     for part in [
         "set_tool_length",
         "unknown event `bogus`",
         "ready: work X",
         "\nprogram: no program, ",
         "\nstops in: X",
+        "\ntyped: G0 X5\n",
         "\nspeed: 0 mm/min, actual ",
         "\noverride: feed 80 %, rapid 100 %\ntool: T0\nspindle: off\ncoolant: off\njog: by 1 mm",
         "\nstops: single block off, M1 off\noffsets: X",
@@ -305,10 +291,52 @@ fn lines_of_text_are_a_day_too() {
         "refused: no new program while the machine is disabled: enable the drives",
         "off: start the command again",
     ] {
-        assert!(told.contains(part), "{part}: {told}{errors}");
+        assert!(told.contains(part), "{part}: {told}");
     }
     let offset = offset_of(&machine, AxisLetter::X).unwrap_or_default();
     assert!((offset - 10.0).abs() < 0.01, "{offset}");
+}
+
+/// A switch that is wired to a drive is told once, by its name.
+#[test]
+fn a_console_tells_an_input_by_its_name() {
+    let folder = Folder::new();
+    let told = console_by_lines(&folder.machine("router"), "home Z\n");
+    assert!(told.contains("input \"home Z\" on\n"), "{told}");
+    assert!(!told.contains("DI4"), "{told}");
+}
+
+/// A gantry that stands a little askew, as it is enabled.
+#[test]
+fn a_console_tells_that_a_gantry_is_taken_square() {
+    let folder = Folder::new();
+    let skewed = (
+        "drive_soft_limits = true\n",
+        "drive_soft_limits = true\nsimulation = { start = 300.0, start_skew = -0.25 }\n",
+    );
+    let machine = folder.file("machine.toml", &machine_with("portal", &[skewed]));
+    let told = console_by_lines(&machine, "status\ndisable\nwait\nenable\n");
+    let what = "axis X: its sides are -0.250 mm out of square: they are taken square before the machine is ready";
+    let times = told.matches("out of square").count();
+    assert!(told.contains(what) && times == 1, "{told}");
+}
+
+/// What a console tells that is given these lines, in real time, until the machine is off.
+fn console_by_lines(machine: &Path, lines: &str) -> String {
+    let mut console = syncline();
+    console.arg("console").arg(machine);
+    let console = console
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    let mut console = console.spawn().expect("it starts");
+    let mut input = console.stdin.take().unwrap();
+    input.write_all(lines.as_bytes()).unwrap();
+    drop(input);
+    let output = console.wait_with_output().unwrap();
+    let (code, told, errors) = ended(&output);
+    assert_eq!(code, 0, "{told}{errors}");
+    told.to_owned()
 }
 
 /// A console on a terminal of 80 columns and 24 rows.

@@ -137,3 +137,23 @@ proptest! {
         prop_assert!((status.offset[2] - origin).abs() < 1e-2, "{:?} for {}", status.offset, origin);
     }
 }
+
+/// Lines that are typed in are no lines of the program that is loaded.
+#[test]
+fn what_was_typed_is_shown_as_that() {
+    let mut rig = ready_with(&[]);
+    rig.goes_on = false;
+    let file = rig.folder.file("part.ngc", "G0 X20\nM0\nG0 X30\nM2\n");
+    rig.command(Command::Load(file));
+    let typed = |rig: &Rig| rig.session.status().typed.clone();
+    go(&mut rig, Command::Mdi("G0 X10".to_owned()));
+    assert_eq!(typed(&rig).as_deref(), Some("G0 X10"));
+    go(&mut rig, Command::Run { from_line: None });
+    assert_eq!(state(&rig), State::Held);
+    assert_eq!(typed(&rig), None);
+    let offset = positions([(AxisLetter::X, 0.0)]);
+    go(&mut rig, Command::SetWorkOffset(offset));
+    assert_eq!(typed(&rig).as_deref(), Some(""));
+    go(&mut rig, Command::Resume);
+    assert_eq!(typed(&rig), None);
+}

@@ -1,6 +1,6 @@
 //! The console as lines of text: commands in, what happens out. It works without a terminal.
 
-use super::super::events;
+use super::super::{events, told_event};
 use super::model::Model;
 use super::{told, values};
 use crate::control::{Event as MachineEvent, HOLD_TO_RUN, Layout, State};
@@ -250,9 +250,10 @@ fn explained(model: &Model, machine: &Machine) -> String {
     let mut tell = |name: &str, what: &str| text += &format!("\n{name}: {what}");
     let (program, time) = (values::program(model), values::time(model));
     tell("program", &format!("{program}, {time}"));
-    let (line, block) = values::block(model);
-    if line > 0 {
-        tell(&format!("line {line}"), block);
+    match values::block(model) {
+        (Some(0), _) | (None, "") => {}
+        (Some(line), block) => tell(&format!("line {line}"), block),
+        (None, typed) => tell("typed", typed),
     }
     let (name, distances) = values::distances(model);
     let distances = distances.iter();
@@ -278,10 +279,10 @@ fn listed(status: &Status, machine: &Machine) -> String {
         text += &format!("{place}. {fault}\n");
     }
     text += &shown(status, machine);
-    if let Some(line) = stopped.line {
-        text += &format!("\nnot completed: line {line}");
-        if status.interrupted.is_some() {
-            text += "; once it is reset, `resume` takes the program up there";
+    if let Some((what, resumed)) = values::not_completed(status) {
+        text += &format!("\nnot completed: {what}");
+        if let Some(there) = resumed {
+            text += &format!("; once it is reset, `resume` takes the program up {there}");
         }
     }
     format!("{text}\n{}", status.state.way_on())
@@ -317,8 +318,7 @@ impl Teller {
             }
             Event::State(state) => Some(format!("{state}: {}", state.way_on())),
             Event::Machine(event) => {
-                let tells = self.verbose || !event.is_routine();
-                let text = event.describe(&*self.layout).filter(|_| tells)?;
+                let text = told_event(event, &self.layout, self.verbose)?;
                 Some(match event {
                     MachineEvent::Paused { .. } => format!("{text}; cycle_start goes on"),
                     _ => text,

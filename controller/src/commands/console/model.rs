@@ -1,6 +1,8 @@
 //! What the console's screen shows, and how events change it.
 
+use super::super::told_event;
 use super::signals::Signals;
+use super::values;
 use crate::control::{Event as MachineEvent, Layout, State};
 use crate::machine::{Axis, Machine};
 use crate::session::{Event, Status};
@@ -87,9 +89,7 @@ impl Model {
             // They are in the status until a reset.
             Event::Machine(MachineEvent::Fault(_)) => {}
             Event::Machine(event) => {
-                if (self.verbose || !event.is_routine())
-                    && let Some(text) = event.describe(layout)
-                {
+                if let Some(text) = told_event(event, layout, self.verbose) {
                     self.tell(text);
                 }
             }
@@ -114,11 +114,11 @@ impl Model {
         let Some(stopped) = &self.status.stopped else {
             return Vec::new();
         };
-        let rest = stopped.line.map(|line| match self.status.interrupted {
-            Some(_) => format!(
-                "line {line} is not completed; once it is reset, :resume takes the program up there"
+        let rest = values::not_completed(&self.status).map(|(what, resumed)| match resumed {
+            Some(there) => format!(
+                "{what} is not completed; once it is reset, :resume takes the program up {there}"
             ),
-            None => format!("line {line} is not completed"),
+            None => format!("{what} is not completed"),
         });
         stopped.faults.iter().cloned().chain(rest).collect()
     }

@@ -5,6 +5,7 @@ use crate::control::State;
 use crate::machine::Axis;
 use crate::observe::switched::{coolant_name, running};
 use crate::program::counted_speed;
+use crate::session::Status;
 use syncline_gcode::Turning;
 
 /// The program that is loaded.
@@ -34,10 +35,32 @@ fn in_words(seconds: f64) -> String {
     }
 }
 
-/// The line of the program at work, with its text.
-pub(super) fn block(model: &Model) -> (u32, &str) {
+/// The line of the program at work, with its text; no line is named of what was typed in.
+pub(super) fn block(model: &Model) -> (Option<u32>, &str) {
     let line = model.status.line;
-    (line, model.text_of(line).unwrap_or_default())
+    match &model.status.typed {
+        Some(typed) => {
+            let mut lines = typed.lines();
+            let text = lines.nth(line.saturating_sub(1) as usize);
+            (None, text.unwrap_or_default())
+        }
+        None => (Some(line), model.text_of(line).unwrap_or_default()),
+    }
+}
+
+/// What a fault has left that was at work and is not completed, and where `resume` takes the program up, if it does.
+pub(super) fn not_completed(status: &Status) -> Option<(String, Option<String>)> {
+    let line = status.stopped.as_ref()?.line?;
+    Some(match &status.typed {
+        Some(_) => (
+            "what was typed".to_owned(),
+            status.interrupted.map(|line| format!("in line {line}")),
+        ),
+        None => (
+            format!("line {line}"),
+            status.interrupted.map(|_| "there".to_owned()),
+        ),
+    })
 }
 
 /// How far it is, by axis, and what to: where the move ends that the axes are on, or, without one of a program ahead, how far a jog goes on.

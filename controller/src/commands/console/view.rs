@@ -178,6 +178,7 @@ fn shortened(text: &str, width: usize) -> String {
 /// The program's line with its text.
 fn current_block(model: &Model) -> Line<'static> {
     let (line, text) = values::block(model);
+    let line = line.map_or_else(|| "typed".to_owned(), |line| line.to_string());
     Line::from(vec![
         bold(format!(" {line:>6}  ")),
         Span::raw(text.to_owned()),
@@ -196,11 +197,12 @@ fn resumable(model: &Model) -> Option<u32> {
 fn draw_program(frame: &mut Frame, model: &Model, area: Rect) {
     let block = Block::new().borders(Borders::TOP).title(" program ");
     let rows = block.inner(area).height;
-    let line = model.status.line.max(1);
+    let (at_work, _) = values::block(model);
+    let line = at_work.unwrap_or_default().max(1);
     let first = line.saturating_sub(u32::from(rows / 2)).max(1);
     let lines = (first..first + u32::from(rows)).map_while(|number| {
         let text = format!(" {number:>6}  {}", model.text_of(number)?);
-        Some(if number == model.status.line {
+        Some(if at_work == Some(number) {
             Line::styled(text, Style::new().add_modifier(Modifier::REVERSED))
         } else {
             Line::raw(text)
