@@ -357,7 +357,7 @@ impl<const N: usize> Planner<N> {
             }
             Laid::Rest => {
                 if let Some(PlanItem::Section(section)) = self.items.back_mut() {
-                    section.closed = true;
+                    section.close();
                 }
             }
         }

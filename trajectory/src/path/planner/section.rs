@@ -65,6 +65,12 @@ impl<const N: usize> Section<N> {
         });
     }
 
+    /// No more path segments come. It is kept for as long as it can be retraced, without room for others.
+    pub(super) fn close(&mut self) {
+        self.closed = true;
+        self.path_segments.shrink_to_fit();
+    }
+
     /// Where the move begins in which the path is that has come to `distance`, or ended.
     pub(super) fn move_start(&self, distance: f64) -> f64 {
         let ended = self
