@@ -338,11 +338,11 @@ pub(super) fn read(
     let is_pair = gantry;
     let gantry = is_tied.then(|| beam(log, &mut table));
     let feed_axis = feed_axis(log, &mut table, rotary, is_tied);
-    let encoder = encoder(log, &mut table);
     let scale = match what {
         Simulated::Axis { .. } if !is_tied => scale_step(log, &mut table, rotary),
         Simulated::Axis { .. } | Simulated::Spindle => None,
     };
+    let encoder = encoder(log, &mut table);
     let position = if rotary { "(°)" } else { "(mm)" };
     let allowed = format!("a number from -10000000 to 10000000 {position}");
     let start = table.number_if(log, "start", &allowed, |start| start.abs() <= 1e7);
