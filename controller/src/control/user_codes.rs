@@ -8,6 +8,9 @@
 use super::{Controller, Event, Pause};
 use syncline_canopen::time::Duration;
 
+/// So much later than a command's time is over nobody is waited for who is to say so, with the reason.
+const GRACE: Duration = Duration::from_millis(500);
+
 /// An M-code of the user's with its words.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UserCall {
@@ -74,7 +77,7 @@ impl<const N: usize> Controller<N> {
         match last.ended {
             _ if mark < last.mark => self.executor.pass(),
             Some(true) => self.executor.pass(),
-            None if waited < within => {}
+            None if waited < within + GRACE => {}
             Some(false) | None => {
                 self.pause_told = true;
                 let reason = Pause::UserCode(call.code);
