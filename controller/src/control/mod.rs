@@ -418,11 +418,6 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// Wants to be woken first at `start` instead, before anything was done.
-    pub fn begin_at(&mut self, start: Instant) {
-        (self.sync_at, self.heartbeat_due) = (start, start);
-    }
-
     /// The wake-up that [`Controller::next_wake`] asked for, at the instant at which it came.
     /// Every frame that arrived until then has been handed in; `out` has one outbox a bus.
     pub fn wake(&mut self, now: Instant, out: &mut [Outbox]) {

@@ -44,12 +44,6 @@ impl<const N: usize, P: Port> Driver<N, P> {
         }
     }
 
-    /// The machine is switched on at `start` instead, before anything was done.
-    pub fn begin_at(&mut self, start: Instant) {
-        self.controller.begin_at(start);
-        self.woke = start;
-    }
-
     /// The frames that the controller receives and sends from now on. Those that find no room are left out.
     pub fn tap(&mut self) -> Consumer<Carried> {
         let (tap, carried) = RingBuffer::new(CARRIED);

@@ -186,7 +186,12 @@ impl Cycle {
         let (order, orders) = RingBuffer::new(ORDERS);
         let (report, reports) = RingBuffer::new(REPORTS);
         let (ask, requests) = RingBuffer::new(REQUESTS);
-        let mut driver = Driver::new(Arc::clone(layout), world, ports, Instant::ZERO);
+        let start = if timing.lockstep {
+            Instant::ZERO
+        } else {
+            realtime::now() + 10 * layout.cycle
+        };
+        let mut driver = Driver::new(Arc::clone(layout), world, ports, start);
         let carried = driver.tap();
         let cycle = Self {
             driver,
@@ -212,7 +217,7 @@ impl Cycle {
                 late_by: [0; 4],
                 worst: Stages::default(),
                 lost: 0,
-                start: Instant::ZERO,
+                start: realtime::now(),
             },
         };
         let handle = CycleHandle {
@@ -232,15 +237,10 @@ impl Cycle {
     pub fn run(mut self, started: impl FnOnce(&Granted)) -> (Controller<COORDINATES>, Measured) {
         let granted = realtime::enter(&self.timing.settings);
         started(&granted);
-        // Only now: to lock the memory alone may take longer than many cycles.
-        self.measured.start = realtime::now();
-        let first = self.measured.start + self.period;
         // Where the simulated machine's time stands on the host's clock.
         let mut origin = Duration::ZERO;
         if self.timing.lockstep {
-            origin = Duration::from_nanos(first.as_nanos());
-        } else {
-            self.driver.begin_at(first);
+            origin = Duration::from_nanos(realtime::now().as_nanos()) + self.period;
         }
         let mut bus_failed = false;
         let mut last_sync = None;
