@@ -68,6 +68,19 @@ struct Foot {
     along: f64,
 }
 
+/// A distance that is greater than allowed, mm.
+fn violation(what: &str, at: Place, value: f64, limit: f64) -> Violation {
+    Violation {
+        what: what.to_owned(),
+        axis: None,
+        time: at.time,
+        line: at.line,
+        value,
+        limit,
+        unit: "mm",
+    }
+}
+
 impl Deviation {
     /// Nothing yet.
     pub(super) fn new(machine: &Machine) -> Self {
@@ -127,22 +140,13 @@ impl Deviation {
         self.setpoint.look(deviation, at);
         self.tool.look(tool, at);
         self.drives.look(self.trail.distance(actual), at);
-        let violation = |what: &str, value, limit| Violation {
-            what: what.to_owned(),
-            axis: None,
-            time,
-            line: *line,
-            value,
-            limit,
-            unit: "mm",
-        };
         let allowed = motion.tolerance;
         (self.watch).look(violations, at, deviation, allowed, |_| {
-            violation("path_deviation", deviation, allowed)
+            violation("path_deviation", at, deviation, allowed)
         });
         let allowed = self.tolerance;
         (self.contour).look(violations, at, tool, allowed, |_| {
-            violation("contour_error", tool, allowed)
+            violation("contour_error", at, tool, allowed)
         });
         Some(OffPath {
             setpoint: deviation,
@@ -171,14 +175,8 @@ impl Deviation {
         self.tool.look(tool, at);
         self.drives.look(tool, at);
         let limit = self.tolerance;
-        (self.contour).look(violations, at, tool, limit, |_| Violation {
-            what: "contour_error".to_owned(),
-            axis: None,
-            time,
-            line: *line,
-            value: tool,
-            limit,
-            unit: "mm",
+        (self.contour).look(violations, at, tool, limit, |_| {
+            violation("contour_error", at, tool, limit)
         });
         Some(OffPath {
             setpoint: 0.0,
