@@ -32,6 +32,11 @@ impl Slave {
     /// Sets the life time; zero is no life guarding. It starts with the next request.
     pub fn set_life_time(&mut self, life_time: Duration) {
         self.life_time = life_time;
+        self.disarm();
+    }
+
+    /// Misses no request until another one has come.
+    pub const fn disarm(&mut self) {
         self.expires = None;
     }
 

@@ -127,6 +127,12 @@ impl Consumer {
         self.node
     }
 
+    /// How late a heartbeat may be.
+    #[must_use]
+    pub const fn time(&self) -> Duration {
+        self.time
+    }
+
     /// The state last heard, [`State::Initialising`] after a boot-up message; `None` before the
     /// first message, after a missed heartbeat, and after a byte that is no state.
     #[must_use]

@@ -30,7 +30,8 @@ pub(super) struct Communication {
     options: Options,
     pub(super) nmt: nmt::Slave,
     heartbeat: heartbeat::Producer,
-    watched: Vec<heartbeat::Consumer>,
+    /// By the subindices of 1016h.
+    watched: Vec<Option<heartbeat::Consumer>>,
     guarding: guarding::Slave,
     emcy: emcy::Producer,
     emcy_id: Option<CobId>,
@@ -70,7 +71,7 @@ impl Communication {
             options,
             nmt: nmt::Slave::new(id),
             heartbeat: heartbeat::Producer::new(),
-            watched: Vec::with_capacity(watches(objects).count()),
+            watched: vec![None; watches(objects).count()],
             guarding: guarding::Slave::new(),
             emcy: emcy::Producer::new(),
             emcy_id: None,
@@ -93,6 +94,7 @@ impl Communication {
         self.load_1014_emcy(objects);
         self.load_1015_inhibit(objects);
         self.emcy.reset();
+        self.watched.fill(None);
         self.load_1016_watched(objects);
         // The boot-up message stands for the first heartbeat.
         self.load_1017_heartbeat(now + heartbeat_period(objects), objects);
@@ -116,7 +118,8 @@ impl Communication {
     }
 
     pub(super) fn deadline(&self) -> Option<Instant> {
-        let watched = self.watched.iter().filter_map(|watched| watched.deadline());
+        let watched = self.watched.iter().flatten();
+        let watched = watched.filter_map(heartbeat::Consumer::deadline);
         let t_pdos = self.t_pdos.iter().filter_map(TPdo::deadline);
         let expiry = match self.options.life_guarding {
             LifeGuarding::AtExpiry => self.guarding.deadline(),
@@ -151,7 +154,6 @@ impl Communication {
         let state = self.nmt.state();
         if frame.is_remote() {
             if frame.id() == self.error_control.into() {
-                // Heartbeat and guarding exclude each other.
                 if !self.heartbeat.is_on() {
                     self.watch_guarding(now, app, tx);
                     let state = self.nmt.state();
@@ -165,7 +167,7 @@ impl Communication {
             }
             return;
         }
-        for watched in &mut self.watched {
+        for watched in self.watched.iter_mut().flatten() {
             watched.on_frame(now, frame);
         }
         if let Some(sync) = self.sync_id.and_then(|id| Sync::decode(frame, id)) {
@@ -255,8 +257,10 @@ impl Communication {
         let state = self.nmt.state();
         self.heartbeat.poll(now, self.error_control, state, tx);
         for place in 0..self.watched.len() {
-            if self.watched[place].poll(now) {
-                let error = CommunicationError::Heartbeat(self.watched[place].node());
+            if let Some(watched) = &mut self.watched[place]
+                && watched.poll(now)
+            {
+                let error = CommunicationError::Heartbeat(watched.node());
                 self.on_lost(now, error, app, tx);
             }
         }
@@ -404,7 +408,9 @@ impl Communication {
             0x1017 => self.load_1017_heartbeat(now, objects),
             0x1201..=0x127F => self.servers_changed = true,
             0x1400..0x1C00 => self.load_pdo(now, address.index, objects),
-            index if self.options.event_timer == Some(index) => self.load_t_pdos(now, objects),
+            index if self.options.event_timer == Some(index) => {
+                self.load_event_timer(now, objects);
+            }
             _ => {}
         }
         app.written(now, row, Origin::Sdo);
@@ -505,6 +511,10 @@ impl Communication {
 
     fn load_1014_emcy(&mut self, objects: &Dictionary) {
         self.emcy_id = objects.value(0x1014, 0).and_then(valid_cob_id);
+        if self.emcy_id.is_none() {
+            // What waits for the inhibit time has no identifier to go by.
+            self.emcy.reset();
+        }
     }
 
     fn load_1015_inhibit(&mut self, objects: &Dictionary) {
@@ -514,22 +524,36 @@ impl Communication {
     }
 
     fn load_1016_watched(&mut self, objects: &Dictionary) {
-        self.watched.clear();
-        let watched = watches(objects).filter_map(|(_, value)| watch(value));
-        self.watched
-            .extend(watched.map(|(node, time)| heartbeat::Consumer::new(node, time)));
+        for (watched, (_, value)) in self.watched.iter_mut().zip(watches(objects)) {
+            let (before, after) = (watched.as_ref(), watch(value));
+            // A node that is watched as before stays so, whatever becomes of the others.
+            if before.map(|it| (it.node(), it.time())) != after {
+                *watched = after.map(|(node, time)| heartbeat::Consumer::new(node, time));
+            }
+        }
     }
 
     fn load_1017_heartbeat(&mut self, first: Instant, objects: &Dictionary) {
         self.heartbeat.start(first, heartbeat_period(objects));
+        if self.heartbeat.is_on() {
+            // Heartbeat and guarding exclude each other.
+            self.guarding.disarm();
+        }
     }
 
     /// 1400h ff. and 1800h ff.
     fn check_pdo_parameter(&self, address: Address, value: i64) -> Result<(), AbortCode> {
         let strict = self.options.parameters == ParameterRules::Standard;
-        let kind = TransmissionType::from(value as u8);
+        let refused = match TransmissionType::from(value as u8) {
+            TransmissionType::Reserved(_) => true,
+            // They say when a T_PDO is sent, and are reserved in an R_PDO; there are devices that take them.
+            TransmissionType::SyncRtr | TransmissionType::EventRtr => {
+                strict && address.index < 0x1800
+            }
+            _ => false,
+        };
         match address.sub {
-            2 if matches!(kind, TransmissionType::Reserved(_)) => Err(AbortCode::InvalidValue),
+            2 if refused => Err(AbortCode::InvalidValue),
             3 | 6 if strict && self.is_active(address.index) => Err(AbortCode::InvalidValue),
             _ => Ok(()),
         }
@@ -636,10 +660,13 @@ impl Communication {
         }
     }
 
-    fn load_t_pdos(&mut self, now: Instant, objects: &Dictionary) {
+    /// The event timer of the T_PDOs that have none of their own.
+    fn load_event_timer(&mut self, now: Instant, objects: &Dictionary) {
         for place in 0..self.t_pdos.len() {
-            let number = self.t_pdos[place].number;
-            self.load_pdo(now, 0x1800 + number - 1, objects);
+            let pdo = &self.t_pdos[place];
+            if pdo.takes_common_timer(objects) {
+                self.load_pdo(now, 0x1800 + pdo.number - 1, objects);
+            }
         }
     }
 }

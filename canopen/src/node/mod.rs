@@ -394,9 +394,7 @@ impl Node {
         }
         app.on_reset(now, reset);
         self.communication.load(now, app.objects());
-        self.servers
-            .iter_mut()
-            .for_each(|(_, server)| server.reset());
+        self.reset_servers();
         self.load_servers(app.objects());
         self.communication.boot(tx);
         self.settle(now, app, tx);
@@ -439,11 +437,6 @@ impl Node {
                 }
                 None => {}
             }
-            if !self.state().communicates() {
-                self.servers
-                    .iter_mut()
-                    .for_each(|(_, server)| server.reset());
-            }
         } else {
             self.communication.on_frame(now, frame, app, tx);
         }
@@ -479,6 +472,8 @@ impl Node {
             while let Some(emergency) = app.next_emergency() {
                 self.communication.emergency(now, emergency, app, tx);
             }
+        } else {
+            self.reset_servers();
         }
         self.communication.send_events(now, app, tx);
     }
@@ -491,6 +486,13 @@ impl Node {
                 server.set_channel(Some((CobId::r_sdo(id), CobId::t_sdo(id))));
             }
         }
+    }
+
+    /// Transfers under way end without a word.
+    fn reset_servers(&mut self) {
+        self.servers
+            .iter_mut()
+            .for_each(|(_, server)| server.reset());
     }
 
     /// Loads the identifiers of 1201h ff.

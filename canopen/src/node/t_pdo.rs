@@ -86,6 +86,12 @@ impl TPdo {
             && (self.kind.is_event_driven() || self.kind == TransmissionType::SyncAcyclic)
     }
 
+    /// Whether its event timer is the object that those have in common that have none of their own.
+    pub(super) fn takes_common_timer(&self, objects: &Dictionary) -> bool {
+        let own = objects.row(0x1800 + self.number - 1, 5);
+        own.is_none() && self.kind.is_event_driven()
+    }
+
     /// Operational begins, or the parameters have changed while it lasts: send at the first
     /// occasion.
     pub(super) fn start(&mut self, now: Instant) {

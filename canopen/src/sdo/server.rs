@@ -134,10 +134,13 @@ impl Server {
         self
     }
 
-    /// Moves the server to other identifiers or, with `None`, takes it off the bus (1201h).
+    /// Moves the server to other identifiers or, with `None`, takes it off the bus (1201h). A transfer
+    /// goes on only where the server stays.
     pub fn set_channel(&mut self, channel: Option<(CobId, CobId)>) {
-        self.channel = channel;
-        self.reset();
+        if self.channel != channel {
+            self.channel = channel;
+            self.reset();
+        }
     }
 
     /// Whether the server answers on this identifier.

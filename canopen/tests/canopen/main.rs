@@ -6,6 +6,7 @@ mod eds;
 mod monitor;
 mod node;
 mod node_options;
+mod node_time;
 mod sdo_server;
 mod sdo_transfer;
 mod supervision;

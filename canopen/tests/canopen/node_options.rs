@@ -11,7 +11,7 @@ use syncline_canopen::{CanId, Frame, Instant, NodeId};
 const MS: Duration = Duration::from_millis(1);
 
 #[rustfmt::skip]
-static TABLE: [Entry; 20] = table([
+static TABLE: [Entry; 29] = table([
     ro(0x1000, 0, "Device type", U32).default(0x0002_0196),
     ro(0x1001, 0, "Error register", U8),
     rw(0x1005, 0, "COB-ID SYNC", U32).default(0x8000_0080).persistent(),
@@ -25,8 +25,17 @@ static TABLE: [Entry; 20] = table([
     rw(0x1800, 1, "COB-ID T_PDO1", U32).default_plus_node(0x180).persistent(),
     rw(0x1800, 2, "Transmission type T_PDO1", U8).default(254),
     rw(0x1800, 3, "Inhibit time T_PDO1", U16),
+    rw(0x1801, 1, "COB-ID T_PDO2", U32).default_plus_node(0x8000_0280),
+    rw(0x1801, 2, "Transmission type T_PDO2", U8).default(254),
+    rw(0x1801, 5, "Event timer T_PDO2", U16).default(40),
+    rw(0x1802, 1, "COB-ID T_PDO3", U32).default_plus_node(0x8000_0380),
+    rw(0x1802, 2, "Transmission type T_PDO3", U8).default(2),
     ro(0x1A00, 0, "T_PDO1 mapping: number", U8).default(1),
     ro(0x1A00, 1, "1st mapped object", U32).default(0x6004_0020),
+    ro(0x1A01, 0, "T_PDO2 mapping: number", U8).default(1),
+    ro(0x1A01, 1, "1st mapped object", U32).default(0x6004_0020),
+    ro(0x1A02, 0, "T_PDO3 mapping: number", U8).default(1),
+    ro(0x1A02, 1, "1st mapped object", U32).default(0x6004_0020),
     rw(0x2000, 0, "Node id", U8).default(1).persistent(),
     ro(0x6004, 0, "Position", U32).t_pdo(),
     rw(0x6200, 0, "Cyclic timer", U16).unit("ms").persistent(),
@@ -284,6 +293,24 @@ fn one_event_timer_for_all_t_pdos() {
     assert_eq!(bench.pass(20 * MS), "181#00000000 181#00000000");
     bench.send("601#2B00620000000000");
     assert_eq!(bench.pass(50 * MS), "");
+}
+
+/// Of a T_PDO with a timer of its own, and of one that SYNC sends, nothing begins anew.
+#[test]
+fn the_common_event_timer_leaves_other_t_pdos_alone() {
+    let mut bench = Bench::with(Options {
+        event_timer: Some(0x6200),
+        ..Options::default()
+    });
+    bench.send("601#2301180181020000");
+    bench.send("601#2302180181030000");
+    bench.send("000#0101");
+    assert_eq!(bench.send("080#"), "", "at every second SYNC");
+    bench.pass(30 * MS);
+    let written = bench.send("601#2B00620064000000");
+    assert_eq!(written, "581#6000620000000000 181#00000000");
+    assert_eq!(bench.send("080#"), "381#00000000");
+    assert_eq!(bench.pass(10 * MS), "281#00000000", "40 ms since the first");
 }
 
 #[test]
