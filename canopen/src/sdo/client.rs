@@ -85,6 +85,8 @@ pub struct Client {
     buffer: Box<[u8]>,
     /// Bytes of it that count.
     size: usize,
+    /// The segment that ended the last block, which may come twice.
+    block_end: Message,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -115,6 +117,8 @@ enum UploadStep {
         crc: bool,
         block_size: u8,
         number: u8,
+        /// Blocks in a row of which nothing came.
+        futile: u8,
     },
     EndBlock {
         stated: Option<usize>,
@@ -134,6 +138,8 @@ enum DownloadStep {
         crc: bool,
         confirmed: usize,
         sent: usize,
+        /// Blocks in a row of which nothing arrived.
+        futile: u8,
     },
     EndBlock,
 }
@@ -174,6 +180,7 @@ impl Client {
             deadline: None,
             buffer: vec![0; capacity.max(8) + 7].into_boxed_slice(),
             size: 0,
+            block_end: Message::default(),
         }
     }
 
@@ -365,6 +372,7 @@ impl Client {
             return Err(NotStarted::TooLong { size, capacity });
         }
         self.size = size;
+        self.block_end = Message::default();
         self.state = state;
         self.deadline = Some(now + self.timeout);
         Ok(())
@@ -403,9 +411,14 @@ impl Client {
                 if wire::toggle(message) != toggle {
                     return Err(AbortCode::ToggleBit);
                 }
-                self.append(wire::segment_data(message))?;
+                let data = wire::segment_data(message);
+                self.append(data)?;
                 if message[0] & 0x01 != 0 {
                     return self.complete(stated);
+                }
+                if data.is_empty() {
+                    // Any number of those would bring the transfer no further.
+                    return Err(AbortCode::General);
                 }
                 self.request_segment(stated, !toggle, tx)
             }
@@ -415,7 +428,7 @@ impl Client {
                     return self.on_upload_initiated(address, message, tx);
                 }
                 if message[0] & 0xF9 != 0xC0 || wire::address(message) != address {
-                    return wrong(address, message);
+                    return not_initiated(address, message);
                 }
                 let stated = (message[0] & 0x02 != 0).then_some(wire::word(message) as usize);
                 self.check_room(stated)?;
@@ -425,6 +438,7 @@ impl Client {
                     crc: message[0] & 0x04 != 0,
                     block_size,
                     number: 0,
+                    futile: 0,
                 })))
             }
             UploadStep::Block {
@@ -432,12 +446,13 @@ impl Client {
                 crc,
                 block_size,
                 mut number,
+                mut futile,
             } => {
                 let (last, this) = (message[0] & 0x80 != 0, message[0] & 0x7F);
                 if this == 0 || this > block_size {
                     return Err(AbortCode::SequenceNumber);
                 }
-                let in_order = this == number + 1;
+                let (in_order, ends) = (this == number + 1, last || this == block_size);
                 if in_order {
                     if self.size + 7 > self.buffer.len() {
                         return Err(AbortCode::OutOfMemory);
@@ -445,9 +460,13 @@ impl Client {
                     self.buffer[self.size..self.size + 7].copy_from_slice(&message[1..]);
                     self.size += 7;
                     number = this;
+                } else if !ends || message == &self.block_end {
+                    // It is dropped: the acknowledgement will tell where to go on, or has told it.
+                    return Ok(Progress::Ignored);
                 }
-                // A segment out of order is dropped; the acknowledgement tells where to go on.
-                if last || this == block_size {
+                if ends {
+                    futile = wire::futile(futile, number.into())?;
+                    self.block_end = wire::end_of_block(message, number);
                     self.send(tx, [0xA2, number, block_size, 0, 0, 0, 0, 0]);
                     number = 0;
                 }
@@ -459,10 +478,15 @@ impl Client {
                         crc,
                         block_size,
                         number,
+                        futile,
                     }
                 })))
             }
             UploadStep::EndBlock { stated, crc } => {
+                if message == &self.block_end {
+                    // The very last one, twice.
+                    return Ok(Progress::Ignored);
+                }
                 if message[0] & 0xE3 != 0xC1 {
                     return wrong(address, message);
                 }
@@ -485,7 +509,7 @@ impl Client {
         tx: &mut (impl Transmit + ?Sized),
     ) -> Result<Progress, AbortCode> {
         if message[0] >> 5 != 2 || wire::address(message) != address {
-            return wrong(address, message);
+            return not_initiated(address, message);
         }
         let sized = message[0] & 0x01 != 0;
         if message[0] & 0x02 != 0 {
@@ -545,7 +569,7 @@ impl Client {
         match step {
             DownloadStep::Initiate => {
                 if message[0] >> 5 != 3 || wire::address(message) != address {
-                    return wrong(address, message);
+                    return not_initiated(address, message);
                 }
                 if (1..=4).contains(&self.size) {
                     return Ok(Progress::Complete);
@@ -566,14 +590,15 @@ impl Client {
             }
             DownloadStep::InitiateBlock => {
                 if message[0] & 0xFB != 0xA0 || wire::address(message) != address {
-                    return wrong(address, message);
+                    return not_initiated(address, message);
                 }
-                self.send_block(message[0] & 0x04 != 0, 0, message[4], tx)
+                self.send_block(message[0] & 0x04 != 0, 0, 0, message[4], tx)
             }
             DownloadStep::Block {
                 crc,
                 confirmed,
                 sent,
+                futile,
             } => {
                 let (acknowledged, block_size) = (usize::from(message[1]), message[2]);
                 if message[0] != 0xA2 {
@@ -582,19 +607,20 @@ impl Client {
                 if acknowledged > sent {
                     return Err(AbortCode::SequenceNumber);
                 }
+                let futile = wire::futile(futile, acknowledged)?;
                 let confirmed = confirmed + acknowledged;
                 if confirmed < wire::segments(self.size) {
-                    return self.send_block(crc, confirmed, block_size, tx);
+                    return self.send_block(crc, confirmed, futile, block_size, tx);
                 }
                 self.send(tx, wire::end_of_blocks(&self.buffer[..self.size], crc));
                 Ok(Progress::Continues(To::Download(DownloadStep::EndBlock)))
             }
-            DownloadStep::EndBlock => {
-                if message[0] != 0xA1 {
-                    return wrong(address, message);
-                }
-                Ok(Progress::Complete)
-            }
+            DownloadStep::EndBlock => match message[0] {
+                0xA1 => Ok(Progress::Complete),
+                // The last acknowledgement, twice.
+                0xA2 => Ok(Progress::Ignored),
+                _ => wrong(address, message),
+            },
         }
     }
 
@@ -614,6 +640,7 @@ impl Client {
         &self,
         crc: bool,
         confirmed: usize,
+        futile: u8,
         block_size: u8,
         tx: &mut (impl Transmit + ?Sized),
     ) -> Result<Progress, AbortCode> {
@@ -629,6 +656,7 @@ impl Client {
             crc,
             confirmed,
             sent,
+            futile,
         })))
     }
 }
@@ -639,5 +667,20 @@ fn wrong(address: Address, message: &Message) -> Result<Progress, AbortCode> {
         Ok(Progress::Ignored)
     } else {
         Err(AbortCode::CommandSpecifier)
+    }
+}
+
+/// Before a transfer's first answer those come late, too, that name no object: they are of an earlier one.
+fn not_initiated(address: Address, message: &Message) -> Result<Progress, AbortCode> {
+    let names_none = match message[0] >> 5 {
+        0 | 1 => true,
+        5 => message[0] & 0x03 != 0,
+        6 => message[0] & 0x01 != 0,
+        _ => false,
+    };
+    if names_none {
+        Ok(Progress::Ignored)
+    } else {
+        wrong(address, message)
     }
 }

@@ -41,6 +41,8 @@ pub struct Server {
     deadline: Option<Instant>,
     /// The object in transfer, with room for a last block segment's unused bytes.
     buffer: Box<[u8]>,
+    /// The segment that ended the last block, which may come twice.
+    block_end: Message,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,12 +63,14 @@ enum State {
         got: usize,
         toggle: bool,
     },
-    /// Blocks to be sent; `confirmed` segments have arrived, `sent` more are on the way.
+    /// Blocks to be sent; `confirmed` segments have arrived, `sent` more are on the way; of the last
+    /// `futile` blocks nothing arrived.
     BlockUpload {
         address: Address,
         size: usize,
         confirmed: usize,
         sent: usize,
+        futile: u8,
         block_size: u8,
         crc: bool,
         step: BlockUploadStep,
@@ -103,6 +107,7 @@ impl Server {
             state: State::Idle,
             deadline: None,
             buffer: vec![0; capacity.max(8) + 7].into_boxed_slice(),
+            block_end: Message::default(),
         }
     }
 
@@ -241,6 +246,12 @@ impl Server {
             return self
                 .block_download_segment(message, tx)
                 .map_err(|code| (address, code));
+        }
+        if let State::BlockDownload { .. } = self.state
+            && message == &self.block_end
+        {
+            // The very last segment, twice.
+            return Ok(());
         }
         let addressed = wire::address(message);
         let current = self.address();
@@ -428,7 +439,7 @@ impl Server {
         }
         let capacity = self.buffer.len() - 7;
         let size = objects.upload(address, &mut self.buffer[..capacity])?;
-        if size <= usize::from(switch_below) {
+        if switch_below > 0 && size <= usize::from(switch_below) {
             self.answer_upload(address, size, tx);
         } else {
             self.state = State::BlockUpload {
@@ -436,6 +447,7 @@ impl Server {
                 size,
                 confirmed: 0,
                 sent: 0,
+                futile: 0,
                 block_size,
                 crc: message[0] & 0x04 != 0,
                 step: BlockUploadStep::Start,
@@ -457,6 +469,7 @@ impl Server {
             size,
             confirmed,
             sent,
+            futile,
             block_size,
             crc,
             step,
@@ -475,6 +488,7 @@ impl Server {
                 if !wire::is_block_size(next_block_size) {
                     return Err(AbortCode::BlockSize);
                 }
+                *futile = wire::futile(*futile, acknowledged)?;
                 *confirmed += acknowledged;
                 *block_size = next_block_size;
                 if *confirmed == wire::segments(*size) {
@@ -484,6 +498,8 @@ impl Server {
                     return Ok(());
                 }
             }
+            // The last acknowledgement, twice.
+            (BlockUploadStep::End, 0xA2) => return Ok(()),
             (BlockUploadStep::End, 0xA1) => {
                 self.state = State::Idle;
                 return Ok(());
@@ -521,6 +537,7 @@ impl Server {
             crc: message[0] & 0x04 != 0,
             complete: false,
         };
+        self.block_end = Message::default();
         self.send(tx, wire::message(0xA4, address, &[block_size]));
         Ok(())
     }
@@ -553,10 +570,13 @@ impl Server {
             *got += 7;
             *number = this;
             *complete = last;
+        } else if message == &self.block_end {
+            return Ok(());
         }
         // A segment out of order is dropped; the acknowledgement tells where to go on.
         if last || this == block_size {
             let acknowledged = core::mem::take(number);
+            self.block_end = wire::end_of_block(message, acknowledged);
             self.send(tx, [0xA2, acknowledged, block_size, 0, 0, 0, 0, 0]);
         }
         Ok(())

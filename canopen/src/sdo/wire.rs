@@ -8,6 +8,10 @@ pub(super) type Message = [u8; 8];
 
 pub(super) const ABORT: u8 = 0x80;
 
+/// Blocks in a row of which nothing may arrive. Where one segment in two is lost, that happens to one
+/// transfer in 2³².
+const MOST_FUTILE: u8 = 32;
+
 /// The object that an initiate message or an abort names.
 pub(super) fn address(message: &Message) -> Address {
     Address::new(u16::from_le_bytes([message[1], message[2]]), message[3])
@@ -87,6 +91,25 @@ pub(super) fn toggle(message: &Message) -> bool {
 /// How many segments of 7 bytes an object takes: at least one.
 pub(super) fn segments(size: usize) -> usize {
     size.div_ceil(7).max(1)
+}
+
+/// What is to be known of the segment that ended a block, lest it be taken for another one if it comes
+/// again: CAN brings a frame twice whose sender saw its last bit fail. A block of which nothing arrived
+/// will come again itself.
+pub(super) fn end_of_block(segment: &Message, acknowledged: u8) -> Message {
+    match acknowledged {
+        0 => Message::default(),
+        _ => *segment,
+    }
+}
+
+/// Blocks in a row of which nothing arrived, one more of which `acknowledged` segments have.
+pub(super) fn futile(blocks: u8, acknowledged: usize) -> Result<u8, AbortCode> {
+    match acknowledged {
+        0 if blocks >= MOST_FUTILE => Err(AbortCode::SequenceNumber),
+        0 => Ok(blocks + 1),
+        _ => Ok(0),
+    }
 }
 
 /// Whether a number of segments per block is permitted.

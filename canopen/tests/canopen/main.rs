@@ -7,6 +7,7 @@ mod monitor;
 mod node;
 mod node_options;
 mod node_time;
+mod sdo_faults;
 mod sdo_server;
 mod sdo_transfer;
 mod supervision;

@@ -156,6 +156,17 @@ fn block_uploads() {
     assert!(!bench.server.is_busy());
 }
 
+/// A threshold of 0 permits no change of protocol (CiA 301), not even for nothing.
+#[test]
+fn an_empty_object_by_block() {
+    let mut bench = Bench::new();
+    bench.expect("A400200101000000", "C600200100000000");
+    bench.expect("A300000000000000", "8100000000000000");
+    bench.expect("A201010000000000", "DD00000000000000");
+    assert!(bench.ask("A100000000000000").is_empty());
+    bench.expect("A400200101010000", "4100200100000000");
+}
+
 #[test]
 fn silent_client_is_given_up() {
     let mut bench = Bench::new();
