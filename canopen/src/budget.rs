@@ -212,10 +212,10 @@ impl Budget {
 }
 
 impl Traffic {
-    /// The budget.
+    /// The budget. The bits of one cycle are to be below 2³².
     ///
     /// # Panics
-    /// If the bit rate, the cycle or a divider is zero.
+    /// If the bit rate, the cycle, a divider or [`Events::any_time`] is zero.
     #[must_use]
     pub fn budget(&self) -> Budget {
         let sum = |direction| {
@@ -445,16 +445,22 @@ impl Bounds {
         latest(&self.r_pdos)
     }
 
-    /// Whether there is an instant for the burst behind the T_PDOs and before the next SYNC.
+    /// The first whole microsecond at which the last T_PDO has come.
+    fn earliest_offset(&self) -> Option<Duration> {
+        let micros = self.t_pdos_in()?.as_nanos().div_ceil(1000);
+        Some(Duration::from_micros(micros as u64))
+    }
+
+    /// Whether there is a whole microsecond for the burst behind the T_PDOs and before the next SYNC.
     fn hold(&self, cycle: Duration) -> bool {
-        let whole = self.t_pdos_in().zip(self.burst_begun());
-        whole.is_some_and(|(t_pdos, burst)| t_pdos + burst <= cycle)
+        let whole = self.earliest_offset().zip(self.burst_begun());
+        whole.is_some_and(|(earliest, burst)| earliest + burst <= cycle)
     }
 
     /// Where both legs have room, `generous`, or else the middle of what there is, in whole
     /// microseconds.
     fn setpoint_offset(&self, generous: Duration, cycle: Duration) -> Duration {
-        let earliest = self.t_pdos_in().unwrap_or(cycle);
+        let earliest = self.earliest_offset().unwrap_or(cycle);
         let latest = cycle.saturating_sub(self.burst_begun().unwrap_or(cycle));
         let offset = if (earliest..=latest).contains(&generous) {
             generous

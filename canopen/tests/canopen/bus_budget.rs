@@ -391,6 +391,38 @@ prop_compose! {
 }
 
 proptest! {
+    /// At every bit rate: the controller computes behind the last T_PDO, and the last of its burst has
+    /// begun when SYNC is due.
+    #[test]
+    fn the_setpoint_offset_is_within_the_bounds(
+        bit_rate in prop_oneof![Just(125_000u32), Just(500_000), Just(800_000), 50_000u32..=1_000_000],
+        bytes in prop::collection::vec((0_u8..=8, 1_u8..=8), 1..=6),
+        response in 1_u64..2_000_000,
+        // Cycles that the traffic just fits, and longer ones.
+        more in prop_oneof![0_u64..3_000, 0_u64..5_000_000],
+    ) {
+        let response = Duration::from_nanos(response);
+        let nodes = (1..).zip(&bytes).map(|(id, &(t, r))| {
+            let mut traffic = interpolated(NodeId::new(id).unwrap(), t, response);
+            traffic.pdos[1].bytes = r;
+            traffic
+        });
+        let long = Traffic { bit_rate, cycle: Duration::from_secs(1), nodes: nodes.collect() };
+        let legs = long.budget();
+        let least = legs.t_pdos_in + (long.cycle - legs.latest_offset);
+        let budget = long.in_cycle(least + Duration::from_nanos(more)).budget();
+        prop_assume!(budget.verdict != Verdict::DoesNotFit);
+        let offset = budget.setpoint_offset;
+        prop_assert_eq!(offset.subsec_nanos() % 1000, 0);
+        prop_assert!(offset >= budget.t_pdos_in, "{offset:?}, T_PDOs {:?}", budget.t_pdos_in);
+        prop_assert!(offset <= budget.latest_offset, "{offset:?}, latest {:?}", budget.latest_offset);
+        for pdo in &budget.pdos {
+            prop_assert!(pdo.latest.is_some_and(|it| it <= pdo.deadline), "{pdo:?}");
+        }
+    }
+}
+
+proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
     /// No offsets and no jitter let a frame take longer than its bound.
