@@ -87,12 +87,13 @@ pub struct Master {
     life_time_factor: u8,
     toggle: bool,
     state: Option<State>,
-    unanswered: u8,
+    /// More than any factor, once it is lost.
+    unanswered: u16,
     next: Instant,
 }
 
 impl Master {
-    /// Guards `node` from `now` on: lost after `life_time_factor` requests without an answer.
+    /// Guards `node` from `now` on: lost after `life_time_factor` requests without an answer; 0 is never.
     #[must_use]
     pub const fn new(
         node: NodeId,
@@ -123,7 +124,8 @@ impl Master {
             return None;
         }
         self.next = now + self.guard_time;
-        let lost = self.unanswered == self.life_time_factor;
+        let factor = self.life_time_factor.into();
+        let lost = factor > 0 && self.unanswered == factor;
         self.unanswered = self.unanswered.saturating_add(1);
         if lost {
             self.state = None;

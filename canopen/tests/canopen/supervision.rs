@@ -135,6 +135,19 @@ fn guarding_toggles_and_both_sides_notice_silence() {
     );
 }
 
+/// A life time factor of 0 is no life guarding (CiA 301, 100Dh).
+#[test]
+fn a_node_that_never_answers_is_lost_once() {
+    for (factor, lost) in [(0, None), (1, Some(1)), (3, Some(3)), (255, Some(255))] {
+        let mut master = guarding::Master::new(node(), 10 * MS, factor, at(0));
+        let mut told = (0..70_000).filter(|&ask| {
+            let mut tx: Vec<Frame> = Vec::new();
+            master.poll(at(10 * ask), &mut tx).is_some()
+        });
+        assert_eq!((told.next(), told.next()), (lost, None), "{factor}");
+    }
+}
+
 #[test]
 fn master_notices_a_wrong_toggle_bit() {
     let mut master = guarding::Master::new(node(), 10 * MS, 3, at(0));
