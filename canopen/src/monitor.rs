@@ -145,6 +145,10 @@ impl Monitor {
         }
         let node = NodeId::new((id & 0x7F) as u8);
         match (id & 0x780, node) {
+            // An EMCY without data, as DS 301 V3 has it.
+            (0x080, Some(node)) if frame.data().is_empty() && !frame.is_remote() => {
+                self.boot_up(node)
+            }
             (0x080, None) => match frame.data() {
                 [counter, ..] => format!("SYNC {counter}"),
                 [] => "SYNC".into(),
@@ -188,7 +192,7 @@ impl Monitor {
         ) {
             let addressed = self.nodes.iter_mut();
             for node in addressed.filter(|node| request.addresses(node.id)) {
-                node.forget(request.command == Command::ResetNode);
+                node.forget();
             }
         }
         match request.node {
@@ -199,11 +203,7 @@ impl Monitor {
 
     fn error_control(&mut self, node: NodeId, state: u8, frame: &Frame) -> String {
         let state = match State::from_byte(state) {
-            Some(State::Initialising) => {
-                // Whatever it was told before is gone.
-                self.node(node).forget(true);
-                return format!("node {node} boot-up");
-            }
+            Some(State::Initialising) => return self.boot_up(node),
             Some(State::Stopped) => "Stopped".to_owned(),
             Some(State::Operational) => "Operational".to_owned(),
             Some(State::PreOperational) => "Pre-Operational".to_owned(),
@@ -216,14 +216,19 @@ impl Monitor {
         };
         format!("node {node} {service}: {state}")
     }
+
+    fn boot_up(&mut self, node: NodeId) -> String {
+        self.node(node).forget();
+        format!("node {node} boot-up")
+    }
 }
 
 impl Watched {
-    /// Back to the values after a reset.
-    fn forget(&mut self, all: bool) {
+    /// Whatever it was told before a reset is gone: of its objects the PDO parameters are what counts here.
+    fn forget(&mut self) {
         self.sdo = Transfer::default();
         if let Some(objects) = &mut self.objects {
-            objects.restore(|entry| all || (0x1000..0x2000).contains(&entry.address.index));
+            objects.restore(|_| true);
         }
     }
 
@@ -320,6 +325,18 @@ impl Watched {
         }
     }
 
+    /// What an expedited transfer carries in its 4 bytes: where it does not say how many count, those of
+    /// the object, if that is known to be a number.
+    fn expedited<'a>(&self, address: Address, command: u8, data: &'a [u8]) -> &'a [u8] {
+        let size = if command & 0x01 != 0 {
+            4 - usize::from(command >> 2 & 3)
+        } else {
+            let types = self.entry(address).map(|entry| entry.data_type);
+            types.filter(|it| it.is_number()).map_or(4, DataType::size)
+        };
+        &data[..size.min(4)]
+    }
+
     /// An SDO message of the default server.
     fn sdo(&mut self, request: bool, message: [u8; 8]) -> String {
         let named = Address::new(u16::from_le_bytes([message[1], message[2]]), message[3]);
@@ -349,11 +366,7 @@ impl Watched {
         let segment = &message[1..8 - usize::from(command >> 1 & 7)];
         let last = command & 0x01 != 0;
         let expedited = command & 0x02 != 0;
-        let unused = if last {
-            usize::from(command >> 2 & 3)
-        } else {
-            0
-        };
+        let size = (command & 0x01 != 0).then_some(word as usize);
         match (request, command >> 5) {
             (true, 0) | (false, 0) => {
                 let toggle = command & 0x10 != 0;
@@ -373,19 +386,25 @@ impl Watched {
                     Some(told) => format!("{} bytes instead of {told}, ", data.len()),
                     None => String::new(),
                 };
+                let number = self.number(address, &data);
+                if request {
+                    self.sdo.pending = number;
+                } else {
+                    self.keep(number);
+                }
                 let value = self.value(address, &data);
                 format!("last segment, {size}{} = {value}", self.title(address))
             }
             (true, 1) => {
                 self.start(named);
                 if expedited {
-                    let data = &data[..4 - unused];
+                    let data = self.expedited(named, command, data);
                     self.sdo.pending = self.number(named, data);
                     let value = self.value(named, data);
                     format!("write {} = {value}", self.title(named))
                 } else {
-                    self.sdo.told = Some(word as usize);
-                    format!("write {}, {word} bytes", self.title(named))
+                    self.sdo.told = size;
+                    format!("write {}, {}", self.title(named), length(size))
                 }
             }
             (true, 2) => {
@@ -393,26 +412,34 @@ impl Watched {
                 format!("read {}", self.title(named))
             }
             (true, 3) => "next segment".into(),
-            (false, 1) => "segment taken".into(),
+            (false, 1) => {
+                self.keep_pending();
+                "segment taken".into()
+            }
             (false, 2) => {
                 self.start(named);
                 if expedited {
-                    let data = &data[..4 - unused];
+                    let data = self.expedited(named, command, data);
                     self.keep(self.number(named, data));
                     format!("{} = {}", self.title(named), self.value(named, data))
                 } else {
-                    self.sdo.told = Some(word as usize);
-                    format!("{}, {word} bytes", self.title(named))
+                    self.sdo.told = size;
+                    format!("{}, {}", self.title(named), length(size))
                 }
             }
             (false, 3) => {
-                let pending = self.sdo.pending.take();
-                self.keep(pending);
+                self.keep_pending();
                 format!("written {}", self.title(named))
             }
             (_, 5 | 6) => self.block(request, command, named, &message),
             _ => "unknown command".into(),
         }
+    }
+
+    /// The node has confirmed what was being written.
+    fn keep_pending(&mut self) {
+        let pending = self.sdo.pending.take();
+        self.keep(pending);
     }
 
     fn start(&mut self, address: Address) {
@@ -425,19 +452,20 @@ impl Watched {
     /// A message that governs a block transfer.
     fn block(&mut self, request: bool, command: u8, named: Address, message: &[u8; 8]) -> String {
         let word = u32::from_le_bytes([message[4], message[5], message[6], message[7]]);
+        let length = length((command & 0x02 != 0).then_some(word as usize));
         match (request, command >> 5, command & 0x03) {
             (true, 5, 0) => {
                 self.start(named);
                 format!("read {} in blocks of {}", self.title(named), message[4])
             }
-            (false, 6, 0 | 2) => format!("{}, {word} bytes in blocks", self.title(named)),
+            (false, 6, 0 | 2) => format!("{}, {length} in blocks", self.title(named)),
             (true, 5, 3) => {
                 self.sdo.blocks = Blocks::FromServer;
                 "start".into()
             }
             (true, 6, 0 | 2) => {
                 self.start(named);
-                format!("write {}, {word} bytes in blocks", self.title(named))
+                format!("write {}, {length} in blocks", self.title(named))
             }
             (false, 5, 0) => {
                 self.sdo.blocks = Blocks::FromClient;
@@ -488,6 +516,14 @@ fn emcy(emergency: &Emergency) -> String {
         "EMCY {code:04X}h, register {register:02X}h, {}",
         bytes(vendor)
     )
+}
+
+/// Of a transfer that may say how many bytes there are to be.
+fn length(told: Option<usize>) -> String {
+    match told {
+        Some(size) => format!("{size} bytes"),
+        None => "some bytes".into(),
+    }
 }
 
 fn bytes(data: &[u8]) -> String {

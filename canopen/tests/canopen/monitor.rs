@@ -223,6 +223,102 @@ fn block_transfers() {
     );
 }
 
+/// What a master writes is kept however it is transferred, once the node has confirmed it.
+#[test]
+fn pdos_are_followed_in_each_kind_of_transfer() {
+    let word = 0x185u32.to_le_bytes();
+    let [a, b, c, d] = word;
+    let begin = |command, size| [command, 0x00, 0x18, 1, size, 0, 0, 0];
+    let confirmed = [0x60, 0x00, 0x18, 1, 0, 0, 0, 0];
+    let mut without_size = begin(0x22, 0);
+    without_size[4..].copy_from_slice(&word);
+    let expedited = vec![(0x603, without_size), (0x583, confirmed)];
+    let segmented = |begin| {
+        vec![
+            (0x603, begin),
+            (0x583, confirmed),
+            (0x603, [0x07, a, b, c, d, 0, 0, 0]),
+            (0x583, [0x20, 0, 0, 0, 0, 0, 0, 0]),
+        ]
+    };
+    let refused = vec![
+        (0x603, begin(0x21, 4)),
+        (0x583, confirmed),
+        (0x603, [0x07, a, b, c, d, 0, 0, 0]),
+        (0x583, [0x80, 0x00, 0x18, 1, 0x30, 0, 0x09, 0x06]),
+    ];
+    let read = vec![
+        (0x603, begin(0x40, 0)),
+        (0x583, begin(0x41, 4)),
+        (0x603, [0x60, 0, 0, 0, 0, 0, 0, 0]),
+        (0x583, [0x07, a, b, c, d, 0, 0, 0]),
+    ];
+    for (place, (messages, kept)) in [
+        (expedited, true),
+        (segmented(begin(0x21, 4)), true),
+        (segmented(begin(0x20, 0)), true),
+        (refused, false),
+        (read, true),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let mut monitor = Monitor::new();
+        monitor.add(NodeId::new(3).expect("1…127"), &TABLE);
+        let mut told =
+            |id: u16, data: &[u8]| monitor.decode(&Frame::new(CanId::Standard(id), data));
+        for (id, message) in messages {
+            told(id, &message);
+        }
+        let pdo = told(0x185, &[0x37, 0x42]);
+        let known = pdo == "node 3 T_PDO1: _DCOMstatus 4237h (Operation Enabled)";
+        assert_eq!(known, kept, "{place}: {pdo}");
+    }
+}
+
+/// Expedited without a size the object's own counts, and segmented none is told.
+#[test]
+fn transfers_without_a_size() {
+    let mut bus = Bus::new();
+    assert_eq!(
+        bus.send(0x603, &[0x22, 0x17, 0x10, 0, 0x32, 0, 0xAA, 0xAA]),
+        ["node 3 SDO request: write 1017h:0 Producer heartbeat time = 50 (0032h)"]
+    );
+    assert_eq!(
+        bus.send(0x583, &[0x42, 0x60, 0x60, 0, 0xFF, 0, 0, 0]),
+        ["node 3 SDO answer: 6060h:0 DCOMopmode = -1"]
+    );
+    assert_eq!(
+        bus.send(0x585, &[0x42, 0x60, 0x60, 0, 0xFF, 0, 0, 0]),
+        ["node 5 SDO answer: 6060h:0 = FF 00 00 00"]
+    );
+    let answers = [
+        [0x40, 0x08, 0x10, 0, 0, 0, 0, 0],
+        [0x0B, b'a', b'b', 0, 0, 0, 0, 0],
+    ];
+    let told = answers.map(|message| bus.send(0x583, &message).concat());
+    assert_eq!(
+        told,
+        [
+            "node 3 SDO answer: 1008h:0 Device name, some bytes",
+            "node 3 SDO answer: last segment, 1008h:0 Device name = 61 62"
+        ]
+    );
+}
+
+/// An EMCY without data is how DS 301 V3 boots; the node knows nothing more of what it was told.
+#[test]
+fn an_older_boot_up() {
+    let mut bus = Bus::new();
+    bus.send(0x603, &[0x23, 0x00, 0x18, 1, 0x85, 1, 0, 0]);
+    bus.send(0x583, &[0x60, 0x00, 0x18, 1, 0, 0, 0, 0]);
+    let pdo = "node 3 T_PDO1: _DCOMstatus 4237h (Operation Enabled)";
+    assert_eq!(bus.send(0x185, &[0x37, 0x42]), [pdo]);
+    assert_eq!(bus.send(0x083, &[]), ["node 3 boot-up"]);
+    assert_eq!(bus.send(0x183, &[0x37, 0x42]), [pdo]);
+    assert_eq!(bus.send(0x083, &[1, 2]), ["unknown"]);
+}
+
 #[test]
 fn strangers() {
     let mut monitor = Monitor::new();
