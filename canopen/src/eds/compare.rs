@@ -1,6 +1,6 @@
 //! Where two data sheets differ, told object by object.
 
-use super::{Eds, Parameter, Value};
+use super::{Access, Eds, Parameter, Value};
 use crate::dictionary::Address;
 use core::fmt;
 
@@ -43,8 +43,8 @@ impl fmt::Display for Difference {
 }
 
 impl Eds {
-    /// Where a user's EDS departs from this one: objects, types, access, mappability, and those
-    /// limits and defaults that both state. Names are free.
+    /// Where a user's EDS departs from this one: objects, types, access, mappability, and what both
+    /// state of its direction, of limits and defaults. Names are free, and so is all that is of no object.
     #[must_use]
     pub fn compare(&self, theirs: &Self) -> Vec<Difference> {
         let mut differences = Vec::new();
@@ -93,7 +93,11 @@ impl Parameter {
             let code = |data_type: u16| format!("{data_type:04X}h");
             aspects[0] = key("DataType", &code(self.data_type), &code(theirs.data_type));
         }
-        if self.access.by_sdo() != theirs.access.by_sdo() {
+        let opposite = matches!(
+            (self.access, theirs.access),
+            (Access::Rwr, Access::Rww) | (Access::Rww, Access::Rwr)
+        );
+        if self.access.by_sdo() != theirs.access.by_sdo() || opposite {
             aspects[1] = key("AccessType", &self.access, &theirs.access);
         }
         if self.pdo_mapping != theirs.pdo_mapping {

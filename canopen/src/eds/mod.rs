@@ -203,7 +203,8 @@ fn standard_name(index: u16) -> Option<String> {
 
 impl Eds {
     /// The data sheet of a built-in table. What only the caller knows goes into
-    /// [`Self::file`] and [`Self::device`] afterwards.
+    /// [`Self::file`], [`Self::device`] and [`Self::dummies`] afterwards: a table does not say whether
+    /// gaps can be mapped.
     #[must_use]
     pub fn of(entries: &[Entry]) -> Self {
         let mut objects = BTreeMap::new();

@@ -233,6 +233,24 @@ fn differences_are_found() {
     );
 }
 
+/// Where both sides tell the direction in which an object is mapped, it is the same or a difference.
+#[test]
+fn an_opposite_direction_is_a_difference() {
+    let ours = Eds::of(&TABLE);
+    for (access, difference) in [
+        (Access::Rw, None),
+        (Access::Rww, None),
+        (Access::Rwr, Some("6040h:0 AccessType: rwr, built in rww")),
+    ] {
+        let mut theirs = ours.clone();
+        let object = theirs.objects.get_mut(&0x6040).expect("object");
+        object.subs.get_mut(&0).expect("subindex").access = access;
+        let differences = ours.compare(&theirs);
+        let told = differences.first().map(ToString::to_string);
+        assert_eq!(told.as_deref(), difference, "{access}");
+    }
+}
+
 fn name() -> impl Strategy<Value = String> {
     "[A-Za-z_][A-Za-z0-9_ =;#:/%-]{0,30}[A-Za-z0-9]"
 }
