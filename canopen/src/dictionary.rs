@@ -560,16 +560,21 @@ impl Dictionary {
     /// The number at an address, if the table has one there.
     #[must_use]
     pub fn value(&self, index: u16, sub: u8) -> Option<i64> {
-        self.row(index, sub).map(|row| self.get(row))
+        self.number_row(index, sub).map(|row| self.get(row))
     }
 
     /// Sets the number at an address without any check; whether the table has one there.
     pub fn put(&mut self, index: u16, sub: u8, value: i64) -> bool {
-        let row = self.row(index, sub);
+        let row = self.number_row(index, sub);
         if let Some(row) = row {
             self.set(row, value);
         }
         row.is_some()
+    }
+
+    fn number_row(&self, index: u16, sub: u8) -> Option<Row> {
+        let row = self.row(index, sub);
+        row.filter(|row| self.entry(*row).data_type.is_number())
     }
 
     /// The number that `data` means, little-endian.
@@ -585,16 +590,6 @@ impl Dictionary {
         Ok(entry
             .data_type
             .extend(u64::from_le_bytes(raw), size as u32 * 8))
-    }
-
-    /// The number that a download of `data` means, checked against type and range.
-    ///
-    /// # Errors
-    /// The abort codes for a wrong length and for a value outside the range (see [`Refusals`]).
-    pub fn decode(&self, row: Row, data: &[u8]) -> Result<i64, AbortCode> {
-        let value = self.number(row, data)?;
-        self.check_range(row, value)?;
-        Ok(value)
     }
 
     /// Checks a number against a row's range.
@@ -665,22 +660,6 @@ impl Dictionary {
             self.check_length(entry, size)?;
         }
         Ok(entry.data_type.size())
-    }
-
-    /// Stores a download that passed [`Self::check_download`].
-    ///
-    /// # Errors
-    /// The abort codes of [`Self::decode`].
-    pub fn store_download(&mut self, row: Row, data: &[u8]) -> Result<(), AbortCode> {
-        let entry = self.entry(row);
-        if entry.data_type.is_number() {
-            let value = self.decode(row, data)?;
-            self.set(row, value);
-        } else {
-            self.check_length(entry, data.len())?;
-            self.set_bytes(row, data);
-        }
-        Ok(())
     }
 
     /// Keeps the present values of those persistent rows that `which` picks, for the next power-on.
@@ -765,13 +744,36 @@ impl Objects for Dictionary {
     fn download(&mut self, address: Address, data: &[u8]) -> Result<(), AbortCode> {
         let row = self.find(address)?;
         self.check_download(row, Some(data.len()))?;
-        self.store_download(row, data)
+        if self.entry(row).data_type.is_number() {
+            let value = self.number(row, data)?;
+            self.check_range(row, value)?;
+            self.set(row, value);
+        } else {
+            self.set_bytes(row, data);
+        }
+        Ok(())
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_a_number_is_one() {
+        static TABLE: [Entry; 3] = table([
+            ro(0x1001, 0, "Error register", DataType::U8).default(3),
+            ro(0x1008, 0, "Device name", DataType::Text(4)).default_text("name"),
+            rw(0x2000, 0, "Program", DataType::Domain(4)),
+        ]);
+        let mut objects = Dictionary::new(&TABLE, NodeId::MAX);
+        assert_eq!(objects.value(0x1001, 0), Some(3));
+        assert!(objects.put(0x1001, 0, 4));
+        for index in [0x1008, 0x2000, 0x3000] {
+            assert_eq!(objects.value(index, 0), None, "{index:04X}h");
+            assert!(!objects.put(index, 0, 1), "{index:04X}h");
+        }
+    }
 
     #[test]
     fn addresses_are_read_as_people_write_them() {

@@ -88,8 +88,6 @@ impl CobId {
     pub const NMT: Self = Self(0x000);
     /// SYNC at its default identifier.
     pub const SYNC: Self = Self(0x080);
-    /// Time stamp at its default identifier.
-    pub const TIME: Self = Self(0x100);
 
     /// A COB-ID, or `None` above 7FFh.
     #[must_use]

@@ -242,11 +242,4 @@ impl Unpacker {
         self.word = self.word.checked_shr(bits).unwrap_or(0);
         Some(value)
     }
-
-    /// The next `bits` as a signed number, or `None` if there are not that many left.
-    pub fn signed(&mut self, bits: u8) -> Option<i64> {
-        let value = self.unsigned(bits)?;
-        let unused = 64 - u32::from(bits).max(1);
-        Some((value << unused) as i64 >> unused)
-    }
 }

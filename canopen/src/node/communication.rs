@@ -422,6 +422,8 @@ impl Communication {
         // Bit 31 says "not in use" of everything but SYNC.
         let switchable = index != 0x1005;
         let in_use = |word: CobIdWord| !switchable || word.is_valid();
+        // Of those that are restricted, 100Eh has its own.
+        let refused = |word| index != 0x100E && in_use(word) && is_restricted(word);
         match self.options.parameters {
             ParameterRules::Lenient { pdo, sync_and_emcy } => {
                 let writable = match index {
@@ -430,8 +432,7 @@ impl Communication {
                 };
                 let value = old & !i64::from(writable) | new & i64::from(writable);
                 let word = CobIdWord(value as u32);
-                // Of those that are restricted, 100Eh has its own.
-                if index != 0x100E && in_use(word) && is_restricted(word) {
+                if refused(word) {
                     return Err(AbortCode::InvalidValue);
                 }
                 Ok(value)
@@ -441,7 +442,7 @@ impl Communication {
                 let moved = before.can_id() != after.can_id();
                 let tidy = after.cob_id().is_none() || after.0 & 0x1FFF_F800 == 0;
                 if !tidy
-                    || in_use(after) && is_restricted(after)
+                    || refused(after)
                     || switchable && before.is_valid() && after.is_valid() && moved
                 {
                     return Err(AbortCode::InvalidValue);

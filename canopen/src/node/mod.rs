@@ -187,8 +187,8 @@ impl Application for Dictionary {
     }
 }
 
-/// How strictly PDO, SYNC and EMCY parameters may be changed. An identifier that CiA 301 restricts is
-/// never taken into use.
+/// How strictly the parameters of PDOs, SYNC, EMCY, guarding and SDO servers may be changed. An identifier
+/// that CiA 301 restricts is never taken into use, but for guarding, whose own it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ParameterRules {
     /// CiA 301: identifier, inhibit time and mapping only while the PDO is switched off.
@@ -197,7 +197,7 @@ pub enum ParameterRules {
     Lenient {
         /// The bits that a client may change in the COB-ID word of a PDO or an SDO server.
         pdo: u32,
-        /// The bits that a client may change in 1005h and 1014h.
+        /// The bits that a client may change in 1005h, 100Eh and 1014h.
         sync_and_emcy: u32,
     },
 }
@@ -225,7 +225,7 @@ pub enum LifeGuarding {
 /// What a node's table does not say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Options {
-    /// How strictly PDO, SYNC and EMCY parameters may be changed.
+    /// How strictly parameters of the communication may be changed.
     pub parameters: ParameterRules,
     /// Whether R_PDOs may have gaps, mapped as data types 0001h…0007h.
     pub dummy_mapping: bool,
@@ -533,8 +533,7 @@ impl<A: Application> Objects for Access<'_, A> {
         address: Address,
         size: Option<usize>,
     ) -> Result<usize, AbortCode> {
-        let objects = self.app.objects();
-        objects.check_download(objects.find(address)?, size)
+        self.app.objects_mut().begin_download(address, size)
     }
 
     fn download(&mut self, address: Address, data: &[u8]) -> Result<(), AbortCode> {

@@ -163,7 +163,7 @@ use UploadOrDownload as To;
 
 impl Client {
     /// A client of a node's default SDO server (600h/580h + id) for objects of at most
-    /// `capacity` bytes, that waits `timeout` for every answer.
+    /// `capacity` bytes, 8 at least, that waits `timeout` for every answer.
     #[must_use]
     pub fn new(node: NodeId, timeout: Duration, capacity: usize) -> Self {
         Self::on_channel(CobId::r_sdo(node), CobId::t_sdo(node), timeout, capacity)

@@ -96,7 +96,7 @@ enum BlockUploadStep {
 
 impl Server {
     /// A server that takes requests on `request` and answers on `response`, for objects of at
-    /// most `capacity` bytes, with block transfer.
+    /// most `capacity` bytes, 8 at least, with block transfer.
     #[must_use]
     pub fn new(request: CobId, response: CobId, capacity: usize) -> Self {
         Self {

@@ -1,6 +1,7 @@
 //! What is encoded is decoded, and what decodes is what was encoded.
 
 use proptest::prelude::*;
+use syncline_canopen::dictionary::DataType;
 use syncline_canopen::emcy::Emergency;
 use syncline_canopen::nmt::{Command, Request, State};
 use syncline_canopen::pdo::{CobIdWord, Mapped, Packer, TransmissionType, Unpacker};
@@ -87,13 +88,13 @@ proptest! {
             }
         }
         let bytes = packer.bytes();
-        let mut signed = Unpacker::new(&bytes[..packer.len()]);
-        let mut unsigned = signed;
+        let mut payload = Unpacker::new(&bytes[..packer.len()]);
         for (value, bits) in packed {
             let unused = 64 - u32::from(bits);
-            prop_assert_eq!(signed.signed(bits), Some(value << unused >> unused));
-            let value = (value as u64) << unused >> unused;
-            prop_assert_eq!(unsigned.unsigned(bits), Some(value));
+            let raw = payload.unsigned(bits);
+            prop_assert_eq!(raw, Some((value as u64) << unused >> unused));
+            let signed = raw.map(|raw| DataType::I64.extend(raw, bits.into()));
+            prop_assert_eq!(signed, Some(value << unused >> unused));
         }
     }
 }

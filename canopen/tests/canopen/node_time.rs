@@ -13,12 +13,13 @@ use syncline_canopen::{CanId, Frame, Instant, NodeId};
 const MS: Duration = Duration::from_millis(1);
 
 #[rustfmt::skip]
-static TABLE: [Entry; 31] = table([
+static TABLE: [Entry; 32] = table([
     ro(0x1001, 0, "Error register", U8),
     rw(0x1005, 0, "COB-ID SYNC", U32).default(0x80),
     rw(0x1006, 0, "Communication cycle period", U32).unit("us"),
     rw(0x100C, 0, "Guard time", U16).unit("ms"),
     rw(0x100D, 0, "Life time factor", U8),
+    rw(0x100E, 0, "COB-ID guarding", U32).default_plus_node(0x700),
     rw(0x1014, 0, "COB-ID EMCY", U32).default_plus_node(0x80),
     rw(0x1015, 0, "Inhibit time EMCY", U16).unit("100 us"),
     ro(0x1016, 0, "Consumer heartbeat: number", U8).default(2),
@@ -392,6 +393,25 @@ fn types_that_wait_for_a_request_are_for_t_pdos() {
         }
         for kind in [0, 1, 240, 254, 255] {
             assert_eq!(bench.write(0x1400, 2, kind), 0, "{kind}");
+        }
+    }
+}
+
+/// CiA 301 restricts the identifiers of guarding, which are the very ones that 100Eh is for.
+#[test]
+fn guarding_keeps_its_own_identifiers() {
+    let lenient = ParameterRules::Lenient {
+        pdo: 0x8000_07FF,
+        sync_and_emcy: 0x8000_07FF,
+    };
+    for parameters in [ParameterRules::Standard, lenient] {
+        let mut bench = Bench::new(Options {
+            parameters,
+            ..Options::default()
+        });
+        assert_eq!(bench.write(0x100E, 0, 0x701), 0);
+        for index in [0x1005, 0x1014] {
+            assert_eq!(bench.write(index, 0, 0x701), 0x0609_0030, "{index:04X}h");
         }
     }
 }
