@@ -26,6 +26,7 @@ mod tlc5xx_random_frames;
 mod tsp10_dictionary;
 mod tsp10_golden_vectors;
 mod tsp10_node;
+mod twin_time;
 mod twk_crn_dictionary;
 mod twk_crn_golden_vectors;
 mod twk_crn_node;
