@@ -159,23 +159,30 @@ impl Arc {
         ]
     }
 
-    /// How far this arc is from another between the same ends, measured from the other's centre.
+    /// How far this arc is from another between the same ends, and that one from this one: each is measured from the
+    /// other's centre, as nearly all of a circle is near a speck at its start.
     fn distance_from(&self, other: &Arc) -> f64 {
-        let [first, second, _] = self.plane.axes();
-        let most = |most: f64, k: u32| {
-            let fraction = f64::from(k) / 32.0;
-            let point = self.at(fraction);
-            let away = [
-                point[first] - other.center[0],
-                point[second] - other.center[1],
-            ];
-            most.max((libm::hypot(away[0], away[1]) - other.radius(fraction)).abs())
-        };
-        let turned = (self.sweep - other.sweep).abs();
-        if turned > PI {
+        // Of circles that are narrower than what is allowed, none is lost.
+        if other.sweep.abs() - self.sweep.abs() > PI / 2.0 {
             return f64::INFINITY;
         }
-        (1..32).fold(0.0, most)
+        // Turns in between are between the first and the last one.
+        let rounds = f64::from(self.turns) + 1.0;
+        let of_turn = |turn: f64| (0..=32).map(move |k| (turn + f64::from(k) / 32.0) / rounds);
+        let places = of_turn(0.0).chain(of_turn(rounds - 1.0));
+        let apart = |fraction| f64::max(self.off(other, fraction), other.off(self, fraction));
+        places.map(apart).fold(0.0, f64::max)
+    }
+
+    /// How far this arc is nearer to the other's centre, or farther from it, than that one is, there.
+    fn off(&self, other: &Arc, fraction: f64) -> f64 {
+        let [first, second, _] = self.plane.axes();
+        let point = self.at(fraction);
+        let away = libm::hypot(
+            point[first] - other.center[0],
+            point[second] - other.center[1],
+        );
+        (away - other.radius(fraction)).abs()
     }
 
     /// An arc about a centre whose radius goes from that of the start to that of the end.
@@ -194,18 +201,34 @@ impl Arc {
             (to[first], to[second]) = (from[first], from[second]);
         }
         let start = [from[first] - center[0], from[second] - center[1]];
-        let end = [to[first] - center[0], to[second] - center[1]];
+        let mut end = [to[first] - center[0], to[second] - center[1]];
         let start_radius = libm::hypot(start[0], start[1]);
-        let end_radius = libm::hypot(end[0], end[1]);
         if start_radius < SAME_POINT {
             return Err(Fault::ArcNoRadius);
         }
         let start_angle = libm::atan2(start[1], start[0]);
         // The angle between the two rays, by cross and dot product: exact for equal points.
-        let between = libm::atan2(
-            start[0] * end[1] - start[1] * end[0],
-            start[0] * end[0] + start[1] * end[1],
-        );
+        let angle = |end: [f64; 2]| {
+            libm::atan2(
+                start[0] * end[1] - start[1] * end[0],
+                start[0] * end[0] + start[1] * end[1],
+            )
+        };
+        let mut between = angle(end);
+        let ahead = match direction {
+            Direction::Counterclockwise => between,
+            Direction::Clockwise => -between,
+        };
+        // Nor does rounding make a speck of a circle that ends off its start.
+        if ahead > 0.0 && ahead * start_radius < SAME_POINT && chord >= SAME_POINT {
+            let aside = SAME_POINT * between.signum() / start_radius;
+            let [x, y] = end;
+            end = [x + y * aside, y - x * aside];
+            (to[first], to[second]) = (center[0] + end[0], center[1] + end[1]);
+            end = [to[first] - center[0], to[second] - center[1]];
+            between = angle(end);
+        }
+        let end_radius = libm::hypot(end[0], end[1]);
         let part = match direction {
             Direction::Counterclockwise if between <= 0.0 => between + TAU,
             Direction::Clockwise if between >= 0.0 => TAU - between,

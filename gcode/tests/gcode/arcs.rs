@@ -1,7 +1,9 @@
 //! Arcs: both formats, planes, helices, turns, and where they go between their ends.
 
+use std::f64::consts::{PI, TAU};
+
 use proptest::prelude::*;
-use syncline_gcode::{Action, Arc, AxisLetter, Feed, Plane};
+use syncline_gcode::{Action, Arc, AxisLetter, Direction, Feed, Plane};
 
 use super::listing::{listing, run};
 
@@ -63,7 +65,120 @@ fn the_centre_of_nearly_a_circle_stays() {
     assert!(run("G0 X10\nG3 X10.02 Y-0.01 I-10 F600\nM2").is_err());
 }
 
+/// How far an arc turns about a point, and the least and greatest distance that it has from it: by what is handed out of
+/// an arc (ends, centre, whole turns, sense), as whoever follows it takes that.
+fn about(arc: &Arc, nominal: [f64; 2], turns: u32) -> (f64, [f64; 2]) {
+    let [first, second, _] = arc.plane.axes();
+    let ray = |point: [f64; 2], center: [f64; 2]| {
+        let [x, y] = [point[0] - center[0], point[1] - center[1]];
+        (x.hypot(y), y.atan2(x))
+    };
+    let (start_radius, start) = ray([arc.from[first], arc.from[second]], arc.center);
+    let (end_radius, end) = ray([arc.to[first], arc.to[second]], arc.center);
+    let counterclockwise = arc.direction() == Direction::Counterclockwise;
+    let between = if counterclockwise {
+        end - start
+    } else {
+        start - end
+    };
+    let one = match between.rem_euclid(TAU) {
+        0.0 => TAU,
+        part => part,
+    };
+    let sweep = one + TAU * f64::from(arc.turns);
+    assert_eq!(arc.turns, turns - 1);
+    let steps = 720 * turns;
+    let (mut turned, mut extremes, mut last) = (0.0, [f64::INFINITY, 0.0_f64], None);
+    for k in 0..=steps {
+        let part = f64::from(k) / f64::from(steps);
+        let angle = start + if counterclockwise { sweep } else { -sweep } * part;
+        let radius = start_radius + (end_radius - start_radius) * part;
+        let point = [
+            arc.center[0] + radius * angle.cos(),
+            arc.center[1] + radius * angle.sin(),
+        ];
+        let (away, here) = ray(point, nominal);
+        extremes = [extremes[0].min(away), extremes[1].max(away)];
+        let step = here - last.replace(here).unwrap_or(here);
+        turned += step - TAU * (step / TAU).round();
+    }
+    (turned.abs(), extremes)
+}
+
+#[test]
+fn a_circle_that_does_not_quite_close_is_a_circle() {
+    for (program, nominal, radius, turns) in [
+        ("G0 X0\nG3 X0.001 Y0 I5", [5.0, 0.0], 5.0, 1),
+        ("G0 X0\nG3 X0.00001 Y0 I5", [5.0, 0.0], 5.0, 1),
+        ("G0 X0\nG3 X0.005 Y0 I5", [5.0, 0.0], 5.0, 1),
+        ("G0 X10\nG2 X10.001 Y0 I-5 Z-1 P3", [5.0, 0.0], 5.0, 3),
+        (
+            "G0 X0\nG3 X0.0012 Y-0.0087 I1.3511 J-9.9685",
+            [1.3511, -9.9685],
+            10.06,
+            1,
+        ),
+        ("G0 X0\nG2 X0.1 Y0 I100", [100.0, 0.0], 100.0, 1),
+    ] {
+        let arc = arc_of(&format!("F600\n{program}\nM2"));
+        let (turned, [least, greatest]) = about(&arc, nominal, turns);
+        assert!(
+            (turned - TAU * f64::from(turns)).abs() < 2e-3,
+            "{program}: {turned} {arc:?}"
+        );
+        assert!(greatest - least < 0.1001, "{program}: {arc:?}");
+        assert!((least - radius).abs() < 0.2, "{program}: {arc:?}");
+    }
+    // Too far off to be one.
+    assert!(run("G3 X0.027 Y0 I5 F600\nM2").is_err());
+}
+
 proptest! {
+    /// A full circle, or a helix of several, whose end misses its start by up to what radii may differ, or lies short of it,
+    /// goes around as often as it says, and as near to the programmed circle as radii may differ; or it is refused.
+    #[test]
+    fn a_circle_that_misses_its_start_goes_around(
+        radius in prop_oneof![0.5f64..5.0, 5.0f64..1000.0],
+        start in prop_oneof![(0u8..4).prop_map(|k| f64::from(k) * PI / 2.0), 0.0..TAU],
+        off in -1.0f64..1.0,
+        speck in prop_oneof![Just(0.0), -6.0f64..0.0],
+        short in prop_oneof![Just(0.0), 0.0f64..1.0],
+        clockwise: bool,
+        turns in 1u32..6,
+        plane in 0usize..3,
+        origin in prop_oneof![Just([0.0, 0.0]), [-500.0f64..500.0, -500.0f64..500.0]],
+    ) {
+        let (code, plane) = [(17usize, Plane::Xy), (18, Plane::Zx), (19, Plane::Yz)][plane];
+        let [first, second, third] = plane.axes();
+        let letters = [["I", "J"], ["K", "I"], ["J", "K"]][code - 17];
+        let allowed = f64::max(0.028, 0.001 * radius);
+        let slight = f64::max(0.005, 0.001 * radius);
+        // From a nanometre to all that is allowed.
+        let off = off * allowed * 10f64.powf(speck);
+        let back = short * slight / radius;
+        let end = if clockwise { start + back } else { start - back };
+        let at = |radius: f64, angle: f64| [
+            origin[0] + radius * angle.cos(),
+            origin[1] + radius * angle.sin(),
+        ];
+        let ([a, b], [c, d]) = (at(radius, start), at(radius + off, end));
+        let program = format!(
+            "G{code} G0 {first}{a:.12} {second}{b:.12}\nG{} {first}{c:.12} {second}{d:.12} {third}-7 {}{:.12} {}{:.12} P{turns} F100\nM2",
+            if clockwise { 2 } else { 3 },
+            letters[0], origin[0] - a, letters[1], origin[1] - b,
+        );
+        if run(&program).is_err() {
+            prop_assert!(off.abs() > slight - 1e-9, "{program}");
+            return Ok(());
+        }
+        let arc = arc_of(&program);
+        let (turned, [least, greatest]) = about(&arc, origin, turns);
+        let whole = TAU * f64::from(turns) - back;
+        prop_assert!((turned - whole).abs() < 1e-9 + 2e-6 / radius, "{program}: {turned} {arc:?}");
+        let fine = 1e-6;
+        prop_assert!(least > radius - allowed - fine && greatest < radius + allowed + fine, "{program}: {arc:?}");
+    }
+
     /// The tolerance holds at its edge, and the arc stays within its deviation of the program's.
     #[test]
     fn a_moved_centre_keeps_the_arc(sweep in 0.01f64..6.2, radius in 1f64..100.0, off in -0.06f64..0.06) {
