@@ -4,6 +4,7 @@
 
 use std::collections::VecDeque;
 
+use super::arc::Plane;
 use super::axes::AxisLetter;
 use super::command::{Action, PathMode, Turning};
 use super::error::{Fault, Refusal};
@@ -96,6 +97,8 @@ impl Cycle {
 pub(crate) struct Series {
     /// The cycle that the numbers were given for.
     cycle: Option<Cycle>,
+    /// The plane that they were given in.
+    plane: Plane,
     /// Depth: the word of the axis across the plane.
     depth: Option<f64>,
     retract: Option<f64>,
@@ -103,8 +106,9 @@ pub(crate) struct Series {
     dwell: Option<f64>,
     /// Of a thread, mm in a turn.
     lead: Option<f64>,
-    /// Where that axis stood before the series, machine coordinates.
-    initial: Option<f64>,
+    /// Where that axis stood before the series, and where the program's origin was then, machine coordinates: it is a level
+    /// of the program.
+    initial: Option<(f64, f64)>,
 }
 
 /// The levels of one block's cycles along the axis across the plane, machine coordinates.
@@ -182,8 +186,8 @@ impl State {
                 code,
                 axis: levels.axis,
             };
-            if hole.state.at[levels.axis] < levels.retract {
-                hole.rapid(levels.retract)?;
+            if hole.state.at[levels.axis] < levels.clear {
+                hole.rapid(levels.clear)?;
             }
             let mut over = place;
             over[levels.axis] = hole.state.at[levels.axis];
@@ -205,9 +209,14 @@ impl State {
         words: &mut Words,
         columns: Columns,
     ) -> Result<Levels, Refusal> {
-        let axis = self.modes.plane.axes()[2];
+        let plane = self.modes.plane;
+        let axis = plane.axes()[2];
         let need = |words| Refusal::new(columns, Fault::MissingWord { code, words });
         let unit = self.modes.unit();
+        if self.series.plane != plane {
+            self.end_series();
+            self.series.plane = plane;
+        }
         if self.series.cycle != Some(cycle) {
             self.series.cycle = Some(cycle);
             self.series.depth = None;
@@ -215,7 +224,9 @@ impl State {
             self.series.dwell = None;
             self.series.lead = None;
         }
-        let initial = *self.series.initial.get_or_insert(self.at[axis]);
+        let origin = self.coordinates().origin[axis];
+        let (initial, below) = *(self.series.initial).get_or_insert((self.at[axis], origin));
+        let initial = initial + (origin - below);
         let mut sticky = |letter, kept: Option<f64>, unit: f64| -> Result<Option<f64>, Refusal> {
             let given = words.take(letter, code)?;
             Ok(given.map(|value| value * unit).or(kept))
@@ -260,10 +271,9 @@ impl State {
             None => 0.0,
         };
         let (retract, bottom) = if self.modes.incremental {
-            let retract = self.at[axis] + retract;
+            let retract = initial + retract;
             (retract, retract + depth)
         } else {
-            let origin = self.coordinates().origin[axis];
             (retract + origin, depth + origin)
         };
         if retract < bottom {

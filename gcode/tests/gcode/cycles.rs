@@ -2,7 +2,7 @@
 
 use syncline_gcode::{AxisLetter, Setup};
 
-use super::listing::{listing, refusal_with, refusals};
+use super::listing::{listing, places, refusal_with, refusals, xyz};
 
 #[test]
 fn each_cycle() {
@@ -74,4 +74,73 @@ fn what_cannot_be_drilled() {
     let rotary = Setup::new(AxisLetter::ALL[..4].iter().copied().collect());
     messages += &refusal_with(rotary, "F100 G81 X1 Z-1 R1 A90");
     insta::assert_snapshot!(messages);
+}
+
+/// Where holes have their bottom, as the program's motions go down to it.
+fn bottoms(program: &str) -> Vec<[f64; 3]> {
+    let all = places(xyz(), program);
+    let deepest = |window: &[[f64; 3]]| {
+        let [before, here, behind] = [window[0][2], window[1][2], window[2][2]];
+        (here < before && here < behind).then_some(window[1])
+    };
+    all.windows(3).filter_map(deepest).collect()
+}
+
+/// Under G91 R is counted from the level before the series, and the depth from R (NIST RS274NGC 3.5.16): each hole of a
+/// series has the same.
+#[test]
+fn incremental_holes_are_all_as_deep() {
+    for (back, first, levels, bottom) in [
+        ("G99", "G81 X1 Y1 Z-3 R-2", [8.0, 8.0], 5.0),
+        ("G98", "G81 X1 Y1 Z-3 R-2", [10.0, 8.0], 5.0),
+        ("G99", "G81 X1 Y1 Z-3 R2", [12.0, 12.0], 9.0),
+        ("G98", "G83 X1 Y1 Z-3 R2 Q3", [12.0, 12.0], 9.0),
+    ] {
+        let program = format!("G0 Z10 F100\nG91 {back}\n{first}\nX1\nX1 L2\nM2");
+        let holes = bottoms(&program);
+        assert_eq!(
+            holes,
+            [1.0, 2.0, 3.0, 4.0].map(|x| [x, 1.0, bottom]),
+            "{program}"
+        );
+        let all = places(xyz(), &program);
+        assert_eq!(all.last(), Some(&[4.0, 1.0, levels[0]]), "{program}");
+        assert_eq!(all[all.len() - 3][2], levels[1], "{program}");
+    }
+}
+
+/// The level before the series is one of the program: above work whose origin is higher it is higher too.
+#[test]
+fn the_first_level_goes_with_the_work() {
+    for shift in ["G55", "G92 Z2", "G43.1 Z8"] {
+        let program =
+            format!("G10 L2 P2 Z8\nG0 Z10 F100\nG98 G81 X1 Y1 Z-3 R2\n{shift}\nG81 X5\nX9\nM2");
+        let all = places(xyz(), &program);
+        assert_eq!(
+            bottoms(&program)[1..],
+            [[5.0, 1.0, 5.0], [9.0, 1.0, 5.0]],
+            "{shift}"
+        );
+        assert_eq!(all[all.len() - 4], [9.0, 1.0, 18.0], "{shift}: {all:?}");
+        assert_eq!(all.last(), Some(&[9.0, 1.0, 18.0]), "{shift}");
+    }
+}
+
+/// G98 behind holes under G99: up first, then across.
+#[test]
+fn back_to_the_first_level_it_goes_up_before_it_goes_across() {
+    let all = places(xyz(), "G0 Z10 F100\nG99 G81 X1 Z-3 R5\nG98 X2\nM2");
+    let z = |x: f64| move |place: &&[f64; 3]| place[0] == x && place[2] == 10.0;
+    assert_eq!(all.iter().filter(z(1.0)).count(), 2, "{all:?}");
+    assert_eq!(
+        all.iter().find(|place| place[0] == 2.0),
+        Some(&[2.0, 0.0, 10.0])
+    );
+}
+
+/// Depth and levels are of one axis: those of another plane are written anew.
+#[test]
+fn another_plane_is_another_series() {
+    let message = refusals(&[("G0 Z10 F100\nG81 X1 Y1 Z-3 R5\nG18\nX2", "4:1")]);
+    assert!(message.contains("needs the depth"), "{message}");
 }

@@ -146,3 +146,15 @@ pub(crate) fn refusals_with(setup: &Setup, programs: &[(&str, &str)]) -> String 
     }
     messages
 }
+
+/// Where each motion of a program leads, X Y Z.
+pub(crate) fn places(setup: Setup, program: &str) -> Vec<[f64; 3]> {
+    let commands = run_with(setup, program).unwrap();
+    let to = commands.iter().filter_map(|command| match &command.action {
+        Action::Rapid { to } | Action::Feed { to, .. } => Some(to),
+        Action::Arc { arc, .. } => Some(&arc.to),
+        _ => None,
+    });
+    to.map(|to| [AxisLetter::X, AxisLetter::Y, AxisLetter::Z].map(|axis| round(to[axis])))
+        .collect()
+}
