@@ -124,6 +124,22 @@ pub enum Action {
     End,
 }
 
+impl Action {
+    /// Where it leads the machine, if it is a motion that ends elsewhere than where it begins.
+    pub(crate) fn destination(&self) -> Option<Point> {
+        match self {
+            Action::Rapid { to }
+            | Action::Feed { to, .. }
+            | Action::Thread { to, .. }
+            | Action::Probe { to, .. }
+            | Action::Home { to, .. } => Some(*to),
+            Action::Arc { arc, .. } => Some(arc.to),
+            Action::Spline { spline, .. } => Some(spline.to),
+            _ => None,
+        }
+    }
+}
+
 /// How fast a feed move runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Feed {

@@ -267,6 +267,11 @@ impl Interpreter {
         }
     }
 
+    /// The flow statement of a block that is read over, unless the block is deleted.
+    fn flow_of_block(&self) -> Option<&Flow> {
+        (self.block.flow.as_ref()).filter(|_| !self.is_deleted())
+    }
+
     /// Reads over blocks up to a statement with a label.
     fn read_to(
         &mut self,
@@ -278,7 +283,7 @@ impl Interpreter {
         let (line, text) = (self.line, self.block.text.clone());
         let file = self.current;
         while self.read_block()? && !self.block.percent {
-            let Some(flow) = &self.block.flow else {
+            let Some(flow) = self.flow_of_block() else {
                 continue;
             };
             if flow.statement == Statement::Sub && missing == "ENDSUB" {
@@ -459,7 +464,7 @@ impl Interpreter {
                 }
                 Err(_) => continue,
             }
-            if let Some(flow) = &self.block.flow
+            if let Some(flow) = self.flow_of_block()
                 && flow.statement == statement
                 && is_label(&self.block, flow, label)
             {
@@ -535,6 +540,9 @@ impl Interpreter {
                 *left -= 1;
                 let body = *body;
                 self.control.constructs.clear();
+                // Each pass is a call of its own to M70 and M73.
+                self.leave_call(columns)?;
+                self.state.enter_call();
                 self.go_to(body)
             }
             Some(CallKind::Subprogram { .. }) => self.return_to_caller(None, columns),
@@ -551,11 +559,6 @@ impl Interpreter {
                 })
             }
         }
-    }
-
-    /// Whether no subroutine is being executed.
-    pub(super) fn in_main_program(&self) -> bool {
-        self.control.calls.is_empty()
     }
 
     /// What is open where a file ends.

@@ -375,13 +375,16 @@ impl Interpreter {
         let start = self.state.at;
         let mut passed = Passed::new(start, &self.state.setup.memory.modes);
         let begun = passed.effect();
+        // What is read over is not met, but where that ends the program goes on behind.
+        let mut read_over = false;
         loop {
             let next = self.files[self.current].lines.place().line;
-            let is_past = next > line && self.in_main_program();
-            if self.current == 0 && (next == line || is_past) {
+            if self.current == 0 && (next == line || read_over) {
                 break;
             }
+            let file = self.current;
             self.step()?;
+            read_over = file == 0 && self.line == line;
             let unknown = self.pending().find_map(|action| match action {
                 Action::Probe { .. } => Some(Fault::BeginProbed { line }),
                 Action::ReadSignals { .. } => Some(Fault::BeginRead { line }),
@@ -528,6 +531,11 @@ impl Interpreter {
         Err(Refusal::new(self.block.columns(), fault))
     }
 
+    /// Whether the block begins with `/` and such blocks are skipped.
+    pub(super) fn is_deleted(&self) -> bool {
+        self.block.delete && self.state.setup.block_delete
+    }
+
     /// Executes the block, which starts at `this`.
     fn execute(&mut self, this: At) -> Result<(), Refusal> {
         if self.block.percent {
@@ -542,7 +550,7 @@ impl Interpreter {
             return Ok(());
         }
         self.started |= self.block.tokens.list.len() > 1;
-        if self.block.delete && self.state.setup.block_delete {
+        if self.is_deleted() {
             return Ok(());
         }
         self.state.line = self.line;
@@ -582,6 +590,7 @@ impl Interpreter {
             && Some(compensation.cutter()) != cutter
         {
             compensation.finish(&judge, &mut self.pending)?;
+            self.settled_at = compensation.at();
             self.compensation = None;
         }
         if let Some(cutter) = cutter {
@@ -595,16 +604,7 @@ impl Interpreter {
             return Ok(());
         }
         for action in self.actions.drain(..) {
-            match &action {
-                Action::Rapid { to }
-                | Action::Feed { to, .. }
-                | Action::Thread { to, .. }
-                | Action::Probe { to, .. }
-                | Action::Home { to, .. } => self.settled_at = *to,
-                Action::Arc { arc, .. } => self.settled_at = arc.to,
-                Action::Spline { spline, .. } => self.settled_at = spline.to,
-                _ => {}
-            }
+            self.settled_at = action.destination().unwrap_or(self.settled_at);
             self.pending.push_back(Command { span, action });
         }
         Ok(())

@@ -99,6 +99,11 @@ impl State {
             return Err(Refusal::new(motion_columns, Fault::CutterLeaving { code }));
         }
         if let Motion::Cycle(cycle) = motion {
+            // Also one that goes on by its places alone.
+            if self.compensated != Compensated::Off {
+                let fault = Fault::WhileCompensated { code };
+                return Err(Refusal::new(motion_columns, fault));
+            }
             return self.cycle(cycle, words, motion_columns, commands);
         }
         if let Motion::Probe(probe) = motion {
@@ -180,15 +185,7 @@ impl State {
         if self.compensated == Compensated::Leaving {
             self.compensated = Compensated::Off;
         }
-        match &action {
-            Action::Rapid { to }
-            | Action::Feed { to, .. }
-            | Action::Thread { to, .. }
-            | Action::Probe { to, .. } => self.at = *to,
-            Action::Arc { arc, .. } => self.at = arc.to,
-            Action::Spline { spline, .. } => self.at = spline.to,
-            _ => {}
-        }
+        self.at = action.destination().unwrap_or(self.at);
         commands.push_back(action);
         Ok(())
     }

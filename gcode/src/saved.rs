@@ -18,6 +18,7 @@ use super::words::Words;
 pub(crate) struct SavedModes {
     modes: Modes,
     tool_offset: Point,
+    g92_applies: bool,
     /// M73: the subroutine's return restores it.
     at_return: bool,
 }
@@ -46,6 +47,7 @@ impl State {
                 self.saved[level] = Some(SavedModes {
                     modes: self.modes.clone(),
                     tool_offset: self.tool_offset,
+                    g92_applies: self.g92_applies,
                     at_return: code == Code::M(73),
                 });
             }
@@ -104,8 +106,9 @@ impl State {
                 } = *modes;
                 (compensation, plane, work_offset, feed_mode)
             };
-            let goes_on =
-                of_contour(now) == of_contour(&modes) && self.tool_offset == saved.tool_offset;
+            let goes_on = of_contour(now) == of_contour(&modes)
+                && self.tool_offset == saved.tool_offset
+                && self.g92_applies == saved.g92_applies;
             if !goes_on {
                 let restored = compensation;
                 return Err(Refusal::new(
@@ -116,6 +119,7 @@ impl State {
         } else if now.compensation.is_some() {
             self.end_compensation();
         }
+        self.g92_applies = saved.g92_applies;
         let tool_length = if self.modes.tool == saved.modes.tool {
             self.tool_offset = saved.tool_offset;
             modes.tool_length

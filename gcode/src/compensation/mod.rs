@@ -190,6 +190,11 @@ impl Compensation {
         self.cutter
     }
 
+    /// Where what was handed out leads the tool.
+    pub(crate) fn at(&self) -> Point {
+        self.at
+    }
+
     /// Takes the next command of the program; what is settled by it goes to `commands`.
     pub(crate) fn take(
         &mut self,

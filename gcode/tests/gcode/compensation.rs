@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use syncline_gcode::{Setup, Tool};
 
-use super::listing::{listing_with, refusals_with, run_with, xyz};
+use super::listing::{listing_with, places, refusals_with, run_with, xyz};
 
 /// Tools of 6 mm: T1, T2 with its sign, T3 that has worn to 5.8 mm.
 fn with_cutters() -> Setup {
@@ -174,5 +174,44 @@ fn beginning_on_a_contour_is_refused() {
             message.contains(&format!("line {line} is on a compensated contour")),
             "{message}"
         );
+    }
+}
+
+/// A contour behind a lone G40 begins where the tool is, whatever stands between.
+#[test]
+fn a_contour_behind_a_lone_g40_begins_where_the_tool_is() {
+    let first = "F600\nG0 X0 Y0\nG41.1 D2 G1 X10\nX20\nY20\n";
+    let second = "G41.1 D2 G1 X20 Y40\nX0\nG40 G1 X-10 Y60\nM2";
+    for between in ["G40\n", "G40\nM8\nG4 P1\n", "G40 M9\nM64 P1\n"] {
+        let all = places(xyz(), &format!("{first}{between}{second}"));
+        assert_eq!(all[3], [19.0, 20.0, 0.0], "{between}: {all:?}");
+        let alone = places(xyz(), &format!("F600\nG0 X19 Y20\n{second}"));
+        assert_eq!(all[4..], alone[1..], "{between}");
+    }
+    // From where the tool is the way on has to be longer than its radius.
+    let short = format!("{first}G40\nG41.1 D2 G1 X19.5\nX0\nM2");
+    assert!(run_with(xyz(), &short).is_err());
+}
+
+/// A cycle that goes on is refused on a contour, as its code is.
+#[test]
+fn no_cycle_goes_on_along_a_contour() {
+    let on = ["G41.1 D2", "G42.1 D2", "G41.1 D0"];
+    for cycle in ["G81", "G82 P1", "G83 Q1", "G73 Q1", "G85", "G89 P1"] {
+        for on in on {
+            let begun = format!("G0 Z5 F600\n{cycle} X0 Y0 Z-1 R1\n{on}");
+            for program in [
+                format!("{begun} X10 Y0\nX20\nM2"),
+                format!("{begun}\nX10\nM2"),
+            ] {
+                let error = run_with(xyz(), &program).unwrap_err().to_string();
+                let code = cycle.split(' ').next().unwrap();
+                let says = format!("{code} is not possible while G41 or G42 is on");
+                assert!(error.contains(&says), "{program}: {error}");
+            }
+            // Words of no axis are none of its business.
+            let error = run_with(xyz(), &format!("{begun}\nM8\nG1 X10\nG40 G1 X20 Y20\nM2"));
+            assert!(error.is_ok(), "{error:?}");
+        }
     }
 }

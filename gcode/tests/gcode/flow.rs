@@ -4,7 +4,7 @@ use std::fs;
 
 use syncline_gcode::{Interpreter, Setup};
 
-use super::listing::{listing, refusal, refusal_with, refusals, run, show_all, xyz};
+use super::listing::{listing, places, refusal, refusal_with, refusals, run, show_all, xyz};
 
 #[test]
 fn branches() {
@@ -309,4 +309,31 @@ G0 Y#<own> Z#5060
 G0 X#5400 Y#<_spindle_rpm_mode> Z[#<_current_pocket> + #<_feed_override>]
 M2"
     ));
+}
+
+/// A block that is deleted is not there, also where a branch or a loop that is not gone through is read over.
+#[test]
+fn deleted_blocks_end_no_branch() {
+    let x = |program: &str, block_delete: bool| {
+        let mut setup = xyz();
+        setup.block_delete = block_delete;
+        places(setup, program)
+            .into_iter()
+            .map(|place| place[0])
+            .collect::<Vec<_>>()
+    };
+    for (condition, deleted, kept) in [
+        ("0", vec![3.0], vec![2.0, 3.0]),
+        ("1", vec![1.0, 2.0, 3.0], vec![1.0, 3.0]),
+    ] {
+        let program = format!("o1 if [{condition}]\nG0 X1\n/o1 else\nG0 X2\no1 endif\nG0 X3\nM2");
+        assert_eq!(x(&program, true), deleted, "{program}");
+        assert_eq!(x(&program, false), kept, "{program}");
+    }
+    let program = "o1 while [0]\nG0 X1\n/o1 endwhile\nG0 X2\no1 endwhile\nG0 X3\nM2";
+    assert_eq!(x(program, true), [3.0]);
+    let program = "o1 call\nM2\n/o1 sub\nG0 X1\n/o1 endsub\no1 sub\nG0 X2\no1 endsub";
+    assert_eq!(x(program, true), [2.0]);
+    let program = "M98 P7\nM2\n/O7\nG0 X1\nM99\nO7\nG0 X2\nM99";
+    assert_eq!(x(program, true), [2.0]);
 }

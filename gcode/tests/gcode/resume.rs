@@ -180,3 +180,36 @@ proptest! {
         prop_assert_eq!(Switched::behind_message(set_up, begun), whole);
     }
 }
+
+/// A subroutine above the main program, and a branch that is not taken: the line counts where it is met, not where it is read
+/// over.
+#[test]
+fn a_line_that_is_read_over_is_not_met() {
+    let subroutine = "G21 G90 G0 X-50 F300\no<hole> sub\nG0 X#1 Y0\nG1 Z-5 F300\nG0 Z5\no<hole> endsub\n\
+                      G0 X0 Y0 Z5\nG1 X40\no<hole> call [10]\nM2";
+    let branch = "o1 if [0]\nG0 X1\no1 else\nG0 X2\no1 endif\nG0 X3\nM2";
+    let late = "#1 = 0\no1 while [#1 LT 2]\no2 if [#1 EQ 1]\nG0 X7\no2 endif\n#1 = [#1 + 1]\nG0 X[#1]\no1 endwhile\nM2";
+    let lines = |text: &str, line: u32| -> Result<(Vec<u32>, Point), String> {
+        let mut program = Interpreter::from_text("part.ngc", text, xyz());
+        begun_at(&mut program, line).map_err(|error| error.to_string())?;
+        let at = program.position();
+        let commands: Vec<Command> = program.collect::<Result<_, _>>().unwrap();
+        Ok((
+            commands.iter().map(|command| command.span.line).collect(),
+            at,
+        ))
+    };
+    assert_eq!(
+        lines(subroutine, 4).unwrap(),
+        (vec![4, 5, 10], Point::xyz(10.0, 0.0, 5.0))
+    );
+    assert_eq!(lines(subroutine, 8).unwrap().0, [8, 3, 4, 5, 10]);
+    // Where reading over ends it goes on behind.
+    assert_eq!(lines(subroutine, 6).unwrap().0, [7, 8, 3, 4, 5, 10]);
+    assert_eq!(lines(branch, 3).unwrap().0, [4, 6, 7]);
+    assert!(lines(branch, 2).unwrap_err().contains("comes to"));
+    assert_eq!(
+        lines(late, 4).unwrap(),
+        (vec![4, 7, 9], Point::xyz(1.0, 0.0, 0.0))
+    );
+}

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use syncline_gcode::{Action, Command, Interpreter, Point, Setup, Tool};
 
-use super::listing::{listing, run, xyz};
+use super::listing::{listing, places, run, xyz};
 
 #[test]
 fn restored_are_the_modes_and_neither_motion_nor_position() {
@@ -167,4 +167,34 @@ fn what_is_saved_lives_from_one_typed_line_to_the_next() {
             to: Point::xyz(1.0, 0.0, 0.0)
         }
     );
+}
+
+/// Each pass through a subprogram restores what it has saved, as each call does.
+#[test]
+fn each_pass_of_a_subprogram_restores_its_callers_modes() {
+    for (change, to) in [
+        ("G91 X1", [11.0, 12.0, 13.0]),
+        ("G20 X1", [25.4; 3]),
+        ("G55 X1", [6.0; 3]),
+    ] {
+        let program =
+            format!("G10 L2 P2 X5\nG0 X10\nM98 P200 L3\nX1\nM2\nO200\nM73\n{change}\nM99");
+        let x: Vec<f64> = places(xyz(), &program)
+            .into_iter()
+            .map(|place| place[0])
+            .collect();
+        assert_eq!(x, [&[10.0], &to[..], &[1.0]].concat(), "{change}");
+    }
+}
+
+/// Whether the shift of G92 is on is saved, and comes back.
+#[test]
+fn whether_g92_is_on_comes_back() {
+    for (program, x) in [
+        ("M70\nG92 X5\nM72\nG1 X1 F9\nM2", 1.0),
+        ("G92 X5\nM70\nG92.2\nM72\nG1 X1 F9\nM2", -4.0),
+        ("o1 sub\nM73\nG52 X7\no1 endsub\no1 call\nG1 X1 F9\nM2", 1.0),
+    ] {
+        assert_eq!(places(xyz(), program), [[x, 0.0, 0.0]], "{program}");
+    }
 }
