@@ -228,6 +228,11 @@ pub enum Fault {
     )]
     TurnedPlane { code: Code },
 
+    #[error(
+        "the tables turn X and Y by {rotation}°, and the machine has no {axis}: write G10 L2 P0 R0 before, or remove R there"
+    )]
+    TurnedWithout { axis: AxisLetter, rotation: f64 },
+
     #[error("nothing is saved here: write M70 or M73 before, in this subroutine")]
     NothingSaved,
     #[error(

@@ -27,6 +27,8 @@ use super::words::{Words, out_of_range};
 /// The least feed above 0, and what is as good as any greater one: no axis keeps up with it.
 const LEAST_FEED: f64 = 0.001;
 const GREATEST_FEED: f64 = 1e7;
+/// The greatest distance of G64 P and Q, mm: with a greater one whole contours would go.
+const GREATEST_TOLERANCE: f64 = 10.0;
 /// The longest dwell, s.
 pub(crate) const DWELL_LIMIT: f64 = 1e6;
 
@@ -87,6 +89,8 @@ pub(crate) struct State {
     /// Working memory: the values of an expression, and each setting's index and value.
     stack: Vec<f64>,
     settings: Vec<(f64, f64)>,
+    /// The stored points and rotations that the block sets: these take effect behind it.
+    pub(crate) places: Vec<(usize, f64)>,
 }
 
 impl State {
@@ -109,6 +113,7 @@ impl State {
             signals: None,
             stack: Vec::new(),
             settings: Vec::new(),
+            places: Vec::new(),
         }
     }
 
@@ -130,11 +135,13 @@ impl State {
         self.switches(&mut words, commands)?;
         self.dwell(&mut words, commands)?;
         self.set_modes(&mut words, commands)?;
+        self.turned_axes(&words)?;
         self.offsets(&mut words, commands)?;
         self.follow_centre(block, commands)?;
         self.motion(block, &mut words, commands)?;
         let continuation = self.stop(&mut words, commands)?;
         words.all_used()?;
+        self.set_places();
         Ok(continuation)
     }
 
@@ -154,6 +161,7 @@ impl State {
         }
         let mut settings = std::mem::take(&mut self.settings);
         settings.clear();
+        self.places.clear();
         for setting in &block.settings {
             let value = block.evaluate(&setting.value, self, &mut stack)?;
             let index = match &setting.target {
@@ -265,8 +273,10 @@ impl State {
                 Code::G(611) => PathMode::ExactStop,
                 _ => {
                     let unit = self.modes.unit();
-                    let mut length = |letter, allowed: fn(f64) -> bool, what| {
+                    let mut length = |letter, what| {
                         let value = words.take(letter, code)?;
+                        let allowed =
+                            |value: f64| (0.0..=GREATEST_TOLERANCE).contains(&(value * unit));
                         match value.filter(|value| !allowed(*value)) {
                             Some(value) => {
                                 let refused = out_of_range(char::from(letter), value, what);
@@ -275,9 +285,9 @@ impl State {
                             None => Ok(value.map(|value| value * unit)),
                         }
                     };
-                    let distance = "a distance; 0 is the machine's own";
-                    let tolerance = length(b'P', |value| value >= 0.0, distance)?;
-                    let merge = length(b'Q', |value| value >= 0.0, "a distance; 0 merges nothing")?;
+                    let distance = "a distance up to 10 mm; 0 is the machine's own";
+                    let tolerance = length(b'P', distance)?;
+                    let merge = length(b'Q', "a distance up to 10 mm; 0 merges nothing")?;
                     PathMode::Blend {
                         tolerance: tolerance.filter(|within| *within > 0.0),
                         merge: merge.filter(|within| *within > 0.0),
@@ -351,7 +361,8 @@ impl State {
         if self.shifts(index) && self.cutter().is_some() {
             return Err(Fault::ParameterWhileCompensated(format!("#{index}")));
         }
-        if self.set_system(index, value)? {
+        if self.may_set_place(index, value)? {
+            self.places.push((index, value));
             return Ok(());
         }
         self.parameters.set_numbered(index, value)
@@ -367,6 +378,11 @@ impl Scope for State {
                 InputResult::Asked => return Err(Fault::InputResult),
                 InputResult::Passed => return Err(Fault::InputPassed),
             }
+        }
+        // Only messages are evaluated between a setting and what comes of it.
+        let set = self.places.iter().rev().find(|(place, _)| *place == index);
+        if let Some((_, value)) = set {
+            return Ok(*value);
         }
         Ok(self
             .system(index)

@@ -9,8 +9,8 @@ use super::messages::{shows_input_result, shows_signal};
 use super::names::is_signal;
 use super::parameters::INPUT_RESULT;
 
-/// How far apart two numbers may be and still be `EQ` (RS-274/NGC in LinuxCNC: 1e-6).
-const EQUAL: f64 = 1e-6;
+/// How far apart two numbers may be and still be `EQ`, as in LinuxCNC.
+const EQUAL: f64 = 1e-4;
 
 /// A value of a block: the steps that compute it.
 #[derive(Clone, Debug)]

@@ -218,8 +218,9 @@ impl State {
         code: Code,
     ) -> Result<(), Refusal> {
         if let Some(degrees) = words.take(b'R', code)? {
-            self.turn_work(index, degrees)
+            self.may_turn_work(degrees)
                 .map_err(|fault| words.refuse(b'R', fault))?;
+            self.setup.tables.rotations[index] = degrees;
         }
         if !by_position {
             let (place, given) = self.placed(Point::ZERO, words, code)?;
@@ -238,20 +239,41 @@ impl State {
         Ok(())
     }
 
-    /// Turns X and Y of a work offset about its origin.
-    pub(crate) fn turn_work(&mut self, index: usize, degrees: f64) -> Result<(), Fault> {
+    /// Whether X and Y of a work offset can be turned so about its origin.
+    pub(crate) fn may_turn_work(&self, degrees: f64) -> Result<(), Fault> {
         let axes = self.setup.axes;
-        let missing = [AxisLetter::X, AxisLetter::Y]
-            .into_iter()
-            .find(|axis| !axes.contains(*axis));
+        let missing = self.missing_of_turn();
         if let Some(axis) = missing.filter(|_| degrees != 0.0) {
             return Err(Fault::NoSuchAxis { axis, axes });
         }
         if degrees.abs() > ROTATION_LIMIT {
             return Err(out_of_range('R', degrees, "an angle within ±360°"));
         }
-        self.setup.tables.rotations[index] = degrees;
         Ok(())
+    }
+
+    /// The axis that the machine lacks to turn work in X and Y.
+    fn missing_of_turn(&self) -> Option<AxisLetter> {
+        let plane = [AxisLetter::X, AxisLetter::Y];
+        plane
+            .into_iter()
+            .find(|axis| !self.setup.axes.contains(*axis))
+    }
+
+    /// Refuses words of axes where a table turns X and Y and the machine has only one of them, or none: it cannot go by such
+    /// coordinates. G10 can put them right.
+    pub(crate) fn turned_axes(&self, words: &Words) -> Result<(), Refusal> {
+        let mut axes = self.setup.axes.iter();
+        let missing = self.missing_of_turn();
+        let rotation = self.coordinates().rotation;
+        let sets = words.code(Group::Offsets) == Some(Code::G(100));
+        match (missing, axes.find(|axis| words.has(axis.letter() as u8))) {
+            (Some(axis), Some(word)) if rotation != 0.0 && !sets => {
+                let fault = Fault::TurnedWithout { axis, rotation };
+                Err(words.refuse(word.letter() as u8, fault))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// A point with the coordinates of the words in place of its own, and which these are. mm and degrees.

@@ -46,17 +46,26 @@ impl State {
         (0..9).find(|work_offset| index == 5230 + 20 * work_offset)
     }
 
-    /// Sets a parameter of a stored point or rotation; `false` if the number is none.
-    pub(crate) fn set_system(&mut self, index: usize, value: f64) -> Result<bool, Fault> {
-        if let Some(work_offset) = State::rotation_of(index) {
-            return self.turn_work(work_offset, value).map(|()| true);
+    /// Whether a parameter is that of a stored point or rotation, which may have this value.
+    pub(crate) fn may_set_place(&self, index: usize, value: f64) -> Result<bool, Fault> {
+        if State::rotation_of(index).is_some() {
+            return self.may_turn_work(value).map(|()| true);
         }
-        let Some((which, axis)) = State::stored(index) else {
+        let Some((_, axis)) = State::stored(index) else {
             return Ok(false);
         };
-        in_range(axis, value)?;
-        self.stored_point(&which)[axis] = value;
-        Ok(true)
+        in_range(axis, value).map(|()| true)
+    }
+
+    /// Sets the stored points and rotations of the block.
+    pub(crate) fn set_places(&mut self) {
+        for (index, value) in std::mem::take(&mut self.places) {
+            if let Some(work_offset) = State::rotation_of(index) {
+                self.setup.tables.rotations[work_offset] = value;
+            } else if let Some((which, axis)) = State::stored(index) {
+                self.stored_point(&which)[axis] = value;
+            }
+        }
     }
 
     /// Whether a parameter moves the program's coordinates.

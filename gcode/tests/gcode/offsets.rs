@@ -4,7 +4,7 @@ use std::path::Path;
 
 use syncline_gcode::{Action, AxisLetter, Interpreter, Point, Setup, Tables, Tool};
 
-use super::listing::{listing, listing_with, refusals, run_with, xyz};
+use super::listing::{listing, listing_with, places, refusals, run_with, xyz};
 
 fn with_tools() -> Setup {
     let mut setup = xyz();
@@ -376,5 +376,47 @@ fn rotations_are_kept() {
     assert!(
         error.contains("allowed: a number within ±360 (°)"),
         "{error}"
+    );
+}
+
+/// A parameter that moves the origin does so behind its block, as every setting takes effect, also on a level with what is shown
+/// of it.
+#[test]
+fn an_origin_that_is_set_moves_behind_its_block() {
+    for (setting, behind) in [
+        ("#5221=10", 10.0),
+        ("G92 X0\n#5211=10", 10.0),
+        ("#5221=4 #5221=10", 10.0),
+        ("#[5220 + 1]=[5 + 5]", 10.0),
+    ] {
+        let program = format!("{setting} G0 X1\nX1\nM2").replace("\n#", "\n(MSG, -)\n#");
+        let x: Vec<f64> = places(xyz(), &program)
+            .into_iter()
+            .map(|place| place[0])
+            .collect();
+        assert_eq!(x, [1.0, 1.0 + behind], "{program}");
+    }
+    let program = "#5230=90 G0 X1\nY1\nM2";
+    assert_eq!(places(xyz(), program), [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]);
+    let text = listing("#5221=10 G0 X1 (DEBUG, #5221 #5420)\n(DEBUG, #5221 #5420)\nM2");
+    assert!(
+        text.contains("\"10 0\"") && text.contains("\"10 -9\""),
+        "{text}"
+    );
+    // Points of G28 too.
+    let program = "#5161=3 G28\nG28\nM2";
+    let x: Vec<f64> = places(xyz(), program)
+        .into_iter()
+        .map(|place| place[0])
+        .collect();
+    assert_eq!(x, [3.0]);
+}
+
+/// G53 is absolute, whatever the distance mode.
+#[test]
+fn machine_coordinates_are_absolute_under_g91() {
+    assert_eq!(
+        places(xyz(), "G10 L2 P1 X5\nG91 G0 X7\nG53 G0 X-4\nX1\nM2"),
+        [[7.0, 0.0, 0.0], [-4.0, 0.0, 0.0], [-3.0, 0.0, 0.0]]
     );
 }

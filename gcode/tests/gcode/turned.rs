@@ -6,7 +6,7 @@ use syncline_gcode::{
     Action, AxisLetter, Command, Interpreter, Point, Setup, Tool, WorkCoordinates,
 };
 
-use super::listing::{listing, refusals_with, run_with, xyz};
+use super::listing::{listing, refusal_with, refusals_with, run_with, xyz};
 
 fn turned(origin: Point, degrees: f64) -> Setup {
     let mut setup = xyz();
@@ -249,6 +249,25 @@ proptest! {
             if k > 1 && given[k].is_none() {
                 prop_assert_eq!(to.0[k], from[k]);
             }
+        }
+    }
+}
+
+/// Tables turn work on a machine that has no Y, or no X: nothing that counts by its coordinates can go right.
+#[test]
+fn tables_turn_no_work_of_a_machine_without_both_axes() {
+    for (axes, word) in [("XZ", "X20"), ("XZ", "Z2"), ("YZ", "Y20"), ("ZA", "A20")] {
+        let axes = axes.chars().filter_map(AxisLetter::from_letter).collect();
+        let mut setup = Setup::new(axes);
+        setup.tables.rotations[0] = 30.0;
+        for motion in ["G1", "G0", "G28", "G92", "G38.2"] {
+            let message = refusal_with(setup.clone(), &format!("F1000\n{motion} {word}\nM2"));
+            assert!(message.contains("turn"), "{message}");
+        }
+        // It can be put right, and the other offsets are.
+        for right in ["G10 L2 P1 R0\nG1", "G10 L2 P0 R0\nG0", "G55 G1"] {
+            let ended = run_with(setup.clone(), &format!("F1000\n{right} {word}\nM2"));
+            assert!(ended.is_ok(), "{right} {word}: {ended:?}");
         }
     }
 }

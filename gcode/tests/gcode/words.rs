@@ -45,3 +45,45 @@ fn tools_without_a_change_and_offsets_on_offsets() {
         "T2\nM61 Q1\nG43\nG0 Z0 X#5400\nG43.2 H2\nZ0\nM61 Q0\nX#5400\nM2"
     ));
 }
+
+/// How far a corner may be rounded, and lines be merged, has an end: micrometres for millimetres, or inches.
+#[test]
+fn a_path_mode_keeps_to_the_contour() {
+    for letter in ["P", "Q"] {
+        for (units, most) in [("G21", 10.0), ("G20", 10.0 / 25.4)] {
+            for (written, right) in [
+                (format!("{most}"), true),
+                ("0".to_owned(), true),
+                (format!("{}", most * 1.0001), false),
+                ("50".to_owned(), false),
+                ("-1".to_owned(), false),
+                ("[10**308]".to_owned(), false),
+            ] {
+                let first = if letter == "Q" { "P0.1 " } else { "" };
+                let program = format!("{units} G64 {first}{letter}{written}\nM2");
+                let ended = run(&program);
+                assert_eq!(ended.is_ok(), right, "{program}: {ended:?}");
+                if let Err(error) = ended {
+                    assert!(error.to_string().contains("10 mm"), "{error}");
+                }
+            }
+        }
+    }
+}
+
+/// As LinuxCNC's interpreter has it: EQ and NE within 0.0001, the others to the last digit.
+#[test]
+fn equal_is_what_is_equal_in_linuxcnc() {
+    for (condition, truth) in [
+        ("1.00009 EQ 1", 1),
+        ("1.00011 EQ 1", 0),
+        ("1.00009 NE 1", 0),
+        ("1.00011 NE 1", 1),
+        ("1.00009 GT 1", 1),
+        ("0.99991 GE 1", 0),
+        ("1.00009 LE 1", 0),
+    ] {
+        let text = listing(&format!("G0 X[{condition}]\nM2"));
+        assert!(text.contains(&format!("X{truth} ")), "{condition}: {text}");
+    }
+}
