@@ -446,9 +446,9 @@ impl Couplings {
         for (motion, &device) in coupling.motions.iter_mut().zip(&coupling.devices) {
             let shaft = shaft_of(device, all);
             shaft.couple(Instant::ZERO);
-            *motion = motion_of(shaft);
+            *motion = shaft.motion_at(Instant::ZERO);
         }
-        coupling.watch(all);
+        coupling.watch(Instant::ZERO, all);
         self.couplings.push(coupling);
     }
 
@@ -523,13 +523,13 @@ impl Follower {
                 let Some(shaft) = leader.shaft_mut() else {
                     return;
                 };
-                shaft.load_motion()
+                shaft.load_motion_at(end)
             }
         };
         let motion = Motion {
             position: self.zero + self.ratio * load.position,
             velocity: self.ratio * load.velocity,
-            ..load
+            acceleration: 0.0,
         };
         let follower = all.device_mut(self.follower);
         follower.run_until(end);
@@ -546,14 +546,6 @@ fn shaft_of(device: DeviceId, all: &mut (impl Devices + ?Sized)) -> &mut Shaft {
     shaft.expect("mechanics couple devices that have a shaft")
 }
 
-fn motion_of(shaft: &Shaft) -> Motion {
-    Motion {
-        position: shaft.position(),
-        velocity: shaft.velocity(),
-        acceleration: 0.0,
-    }
-}
-
 impl Coupling {
     fn new(mechanics: Box<dyn Mechanics>, devices: &[DeviceId], watched: &[DeviceId]) -> Self {
         Self {
@@ -565,11 +557,11 @@ impl Coupling {
         }
     }
 
-    /// Looks at what is only looked at.
-    fn watch(&mut self, all: &mut (impl Devices + ?Sized)) {
+    /// Looks where what is only looked at is at `now`.
+    fn watch(&mut self, now: Instant, all: &mut (impl Devices + ?Sized)) {
         let motions = self.motions[self.devices.len()..].iter_mut();
         for (motion, &device) in motions.zip(&self.watched) {
-            *motion = motion_of(shaft_of(device, all));
+            *motion = shaft_of(device, all).motion_at(now);
         }
     }
 
@@ -584,7 +576,7 @@ impl Coupling {
         for &device in &self.watched {
             all.device_mut(device).run_until(end);
         }
-        self.watch(all);
+        self.watch(end, all);
         let dt = step.as_nanos() as f64 * 1e-9;
         self.mechanics.step(dt, &self.loads, &mut self.motions);
         for (&motion, &device) in self.motions.iter().zip(&self.devices) {

@@ -66,7 +66,8 @@ impl Probing {
             let mut sum = 0.0;
             for drive in drives {
                 all.device_mut(drive.device).run_until(end);
-                sum += drive.zero + drive.travel * shaft_of(drive.device, all).load_position();
+                let load = shaft_of(drive.device, all).load_motion_at(end);
+                sum += drive.zero + drive.travel * load.position;
             }
             sum / drives.len().max(1) as f64
         });
@@ -78,7 +79,8 @@ impl Probing {
         };
         for (wire, last) in wires.iter().zip(&mut self.shafts) {
             let device = all.device_mut(wire.device);
-            let here = device.shaft_mut().map_or(0.0, |shaft| shaft.position());
+            let shaft = device.shaft_mut();
+            let here = shaft.map_or(0.0, |shaft| shaft.motion_at(end).position);
             let there = *last + part * (here - *last);
             *last = here;
             if before.is_none_or(|(_, touched)| touched != touches) {

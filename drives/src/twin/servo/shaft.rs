@@ -118,7 +118,7 @@ impl Shaft {
         }
     }
 
-    /// How the load moves, in revolutions of the shaft; its lead error is in the position alone.
+    /// How the load moves at the last step, in revolutions of the shaft; its lead error is in the position alone.
     #[must_use]
     pub fn load_motion(&self) -> Motion {
         let velocity = match (&self.plant, &self.coupled) {
@@ -128,8 +128,20 @@ impl Shaft {
         Motion {
             position: self.load_position(),
             velocity,
-            acceleration: 0.0,
+            ..self.motion
         }
+    }
+
+    /// How it moves at an instant near the last step.
+    #[must_use]
+    pub fn motion_at(&self, at: Instant) -> Motion {
+        self.motion.ahead(seconds(self.at, at))
+    }
+
+    /// How the load moves then, as [`load_motion`](Self::load_motion) has it.
+    #[must_use]
+    pub fn load_motion_at(&self, at: Instant) -> Motion {
+        self.load_motion().ahead(seconds(self.at, at))
     }
 
     /// Blocks the shaft mechanically where it is, or frees it.
@@ -210,7 +222,8 @@ impl Shaft {
         if let Some(coupled) = &mut self.coupled {
             coupled.at = at;
             coupled.motion = motion;
-            self.motion = motion;
+            // Its drive has lived up to its last step, before that point.
+            self.motion = motion.ahead(seconds(at, self.at));
         }
     }
 }
