@@ -59,12 +59,13 @@ impl Simulation {
     /// What each of its motors moves, where those of a gantry move as one.
     #[must_use]
     pub fn felt(&self) -> FeedAxis {
-        let half = self.gantry.as_ref().map(|gantry| {
-            let carried = gantry.carriage.as_ref().map_or(0.0, |it| it.mass);
-            0.5 * (gantry.beam.mass + carried)
-        });
+        let Some(gantry) = &self.gantry else {
+            return self.axis.clone();
+        };
+        let carried = gantry.carriage.as_ref().map_or(0.0, |it| it.mass);
         FeedAxis {
-            load: half.or(self.axis.load),
+            load: Some(0.5 * (gantry.beam.mass + carried)),
+            gravity: 0.5 * self.axis.gravity,
             ..self.axis.clone()
         }
     }

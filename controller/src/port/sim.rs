@@ -413,7 +413,7 @@ pub fn twin(model: &Model, config: &Config) -> Box<dyn SimulatedDevice> {
 
 /// One side of a beam, from the rotor to its end.
 fn side(machine: &Machine, drive: usize, simulation: &Simulation) -> Side {
-    let train = machine.at_shaft(drive, &simulation.axis).train;
+    let train = machine.at_shaft(drive, &simulation.felt()).train;
     let travel = machine.axes[machine.drives[drive].axis].mm_per_revolution / 1000.0;
     Side {
         travel: match machine.drives[drive].scaling.direction() {

@@ -1,6 +1,7 @@
 //! Mechanics that tie drives together need one clock for all of them.
 
 use std::path::Path;
+use syncline_canopen::Instant;
 use syncline_controller::machine::Machine;
 use syncline_controller::port::sim::{self, Simulated};
 use syncline_drives::world::Observer;
@@ -81,5 +82,38 @@ fn a_beam_between_a_simulated_drive_and_another_is_refused_by_name() {
             .unwrap()
             .to_string();
         assert!(text.contains("X1 on bus portal"), "{text}");
+    }
+}
+
+/// What a machine file says of the weight of a gantry it says of its beam, however many motors carry it: it falls as its mass and
+/// rotors say.
+#[test]
+fn a_beam_falls_by_its_own_weight() {
+    let file = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../examples/portal/machine.toml"
+    );
+    let text = std::fs::read_to_string(file).unwrap().replace(
+        "skew_limit = 0.5",
+        "skew_limit = 0.5\nsimulation = { mechanics = \"rigid_beam\", mass = 80, inertia = 15, span = 1500, gravity = 300, \
+         rotor_inertia = 2e-3, motor_friction = 0, motor_viscous_friction = 0, brake_torque = 0 }",
+    );
+    let machine = Machine::parse(Path::new("machine.toml"), &text).unwrap();
+    let Simulated {
+        mut world, devices, ..
+    } = Simulated::new(&machine, 0, [observer()], |_, _| ()).unwrap();
+    world.advance_to(Instant::ZERO);
+    world.advance_to(Instant::from_nanos(100_000_000));
+    // 20 mm for a turn of the motor.
+    let travel = 0.02 / core::f64::consts::TAU;
+    let acceleration = 300.0 / (80.0 + 2.0 * 2e-3 / (travel * travel));
+    for (side, direction) in [(0, 1.0), (1, -1.0)] {
+        let seen = world.device(devices[side].unwrap()).observe();
+        let time = (seen.at.unwrap() - Instant::ZERO).as_secs_f64();
+        let speed = seen.velocity * direction * 0.02;
+        assert!(
+            (speed / (acceleration * time) - 1.0).abs() < 1e-9,
+            "{speed} m/s"
+        );
     }
 }
