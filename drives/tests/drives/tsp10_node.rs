@@ -9,6 +9,7 @@ use syncline_canopen::node::BootUp;
 use syncline_canopen::{CanId, Frame};
 use syncline_drives::bus::Band;
 use syncline_drives::twin::node::Processor;
+use syncline_drives::twin::servo::shaft::Shaft;
 use syncline_drives::twin::tsp10::{
     Policies, RelativeTo, SecondTarget, StandbyUnit, Switches, TPdoTrigger, Twin, TwinConfig,
 };
@@ -592,4 +593,45 @@ proptest! {
             }
         }
     }
+}
+
+/// Bit 10 tells that 60FFh has been reached, 0 as every other velocity, and after a Halt nothing.
+#[test]
+fn a_velocity_of_zero_is_reached_too() {
+    let mut bench = drive(3);
+    for velocity in [5_000, 0, -5_000, 0] {
+        set(&mut bench, 0x60FF, 0, velocity).unwrap();
+        bench.wait(ms(10));
+        assert_eq!(status(&mut bench) & TARGET_REACHED, 0, "{velocity}");
+        bench.wait(ms(500));
+        assert_ne!(status(&mut bench) & TARGET_REACHED, 0, "{velocity}");
+    }
+    set(&mut bench, 0x60FF, 0, 5_000).unwrap();
+    bench.wait(ms(500));
+    bench.controlword(1, 0x10F);
+    bench.wait(ms(500));
+    assert_eq!(status(&mut bench) & TARGET_REACHED, 0);
+}
+
+/// Bit 11 follows the limit switches, whether the power stage is on or off.
+#[test]
+fn a_limit_switch_is_told_with_the_power_stage_off() {
+    let mut bench = of(TwinConfig {
+        switches: Switches {
+            upper_limit: Some(0.5),
+            ..Switches::default()
+        },
+        ..config()
+    });
+    enabled(&mut bench, 3);
+    set(&mut bench, 0x60FF, 0, 10_000).unwrap();
+    bench.wait(ms(1000));
+    assert_ne!(status(&mut bench) & 0x0800, 0);
+    bench.controlword(1, 0x06);
+    assert_ne!(status(&mut bench) & 0x0800, 0);
+    // Somebody turns it back by hand.
+    let shaft = bench.twin().shaft_mut().unwrap();
+    *shaft = Shaft::new(syncline_drives::mechanics::rigid::Rigid::default(), 0.0);
+    bench.wait(ms(10));
+    assert_eq!(status(&mut bench) & 0x0800, 0);
 }

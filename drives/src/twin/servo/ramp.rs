@@ -45,8 +45,13 @@ impl Ramp {
         self.velocity == target
     }
 
-    /// Brakes for `dt` seconds; true once at rest.
+    /// Brakes for `dt` seconds; true once at rest. A deceleration of 0 is none: it stops at once, as what is to brake has to
+    /// come to an end.
     pub fn brake(&mut self, deceleration: f64, dt: f64) -> bool {
+        let deceleration = match deceleration {
+            0.0 => f64::INFINITY,
+            ramp => ramp,
+        };
         let limits = Limits {
             velocity: 0.0,
             acceleration: deceleration,

@@ -5,7 +5,7 @@ use super::homing::Homing;
 use super::modes::{Mode, Motion};
 use super::motor::Motor;
 use super::policy::{Policies, StandbyUnit};
-use super::signals::Switches;
+use super::signals::{LOWER_LIMIT, Switches, UPPER_LIMIT};
 use crate::twin::ErrorClass;
 use crate::twin::cia402::commanded;
 use crate::twin::node::{Firmware, Tampering};
@@ -164,9 +164,9 @@ impl Drive {
         let field = self.origin + libm::round(self.ramp.position) * scale;
         let field_velocity = self.ramp.velocity * scale;
         let (position, velocity) = (self.shaft.position(), self.shaft.velocity());
-        self.torque = self
-            .motor
-            .torque(self.current(), field, field_velocity, position, velocity);
+        let (current, rated) = (self.current(), self.rated_current());
+        let motor = &self.motor;
+        self.torque = motor.torque(current, rated, field, field_velocity, position, velocity);
         self.shaft.step(end, dt, self.torque, self.is_powered());
         self.clock.next_step();
     }
@@ -176,7 +176,7 @@ impl Drive {
         if !self.is_powered() {
             return 0.0;
         }
-        let rated = self.value(0x6075, 0) * 1e-3;
+        let rated = self.rated_current();
         let delay = Duration::from_millis(self.value(0x2001, 2) as u64);
         if self.now.saturating_since(self.stands_since) < delay {
             return rated;
@@ -188,9 +188,15 @@ impl Drive {
         rated * self.value(0x2001, 1) * unit
     }
 
+    /// 6075h, A rms.
+    fn rated_current(&self) -> f64 {
+        self.value(0x6075, 0) * 1e-3
+    }
+
     fn profile_step(&mut self) {
         self.change_state();
         self.watch_homing_input();
+        self.limit_reached = self.is_active(LOWER_LIMIT) || self.is_active(UPPER_LIMIT);
         if self.is_powered() {
             self.step_mode();
             self.move_demand();
@@ -235,7 +241,7 @@ impl Drive {
     /// Brings the demand to rest with a deceleration in steps/s².
     pub(super) fn stop(&mut self, deceleration: f64) {
         if self.motion != Motion::Hold {
-            self.motion = Motion::Stop(deceleration.max(1.0));
+            self.motion = Motion::Stop(deceleration);
         }
     }
 

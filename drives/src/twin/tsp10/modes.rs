@@ -123,9 +123,12 @@ impl Drive {
         if self.homing.is_active() {
             self.step_homing();
         } else {
-            self.target_reached = match self.motion {
-                Motion::Velocity(velocity, _) => self.ramp.velocity == velocity,
-                motion => motion == Motion::Hold && (self.target_reached || self.has_arrived()),
+            self.target_reached = match (self.motion, self.mode) {
+                (Motion::Velocity(velocity, _), _) => self.ramp.velocity == velocity,
+                (Motion::Hold, Mode::ProfileVelocity) => self.value(0x60FF, 0) == 0.0,
+                (motion, _) => {
+                    motion == Motion::Hold && (self.target_reached || self.has_arrived())
+                }
             };
         }
     }
@@ -156,7 +159,6 @@ impl Drive {
         let direction = self.ramp.velocity;
         let is_limit = direction < 0.0 && self.is_active(LOWER_LIMIT)
             || direction > 0.0 && self.is_active(UPPER_LIMIT);
-        self.limit_reached = self.is_active(LOWER_LIMIT) || self.is_active(UPPER_LIMIT);
         if self.is_active(STOP) {
             // No alarm, not even in homing (912).
             self.homing = Homing::default();
