@@ -14,8 +14,13 @@
 //! where the DC bus does not give that voltage, the current is what it gives. So torque falls with
 //! speed where the back-EMF comes near to the bus.
 //!
+//! That voltage is in phase with the current. The current in the inductance of the turning phases takes another one, `p ω L i`
+//! with `p` pairs of poles, a quarter of a period before it, so that at most `√(u² − (p ω L i)²)` is left of the bus' `u`. What a
+//! current does not change of that within a step is left out of its exactness.
+//!
 //! The DC bus is a capacitor that the mains hold at its nominal voltage from below. Braking charges it;
-//! above a threshold the braking resistor takes energy out of it.
+//! above a threshold the braking resistor takes energy out of it. Without mains a motor that drives takes it from the capacitor, and
+//! what discharges that takes the rest.
 //!
 //! Overload (I²t) is a temperature over its limit: it follows the square of the current over the
 //! continuous one with a time constant. At 1 the current is limited to the continuous one, until it has
@@ -43,6 +48,8 @@ pub struct DcBus {
     pub braking: f64,
     /// Of the braking resistor, Ω.
     pub resistance: f64,
+    /// Of what discharges the capacitor while there are no mains, Ω.
+    pub discharge: f64,
     /// Above it the drive has to switch off, V.
     pub most: f64,
 }
@@ -54,6 +61,7 @@ impl Default for DcBus {
             capacitance: 390e-6,
             braking: 780.0,
             resistance: 70.0,
+            discharge: 100e3,
             most: 820.0,
         }
     }
@@ -115,6 +123,7 @@ pub struct PowerStage {
     bus: DcBus,
     /// V.
     voltage: f64,
+    has_mains: bool,
     is_braking: bool,
     /// Energy that the braking resistor has taken, J.
     braked: f64,
@@ -143,6 +152,7 @@ impl PowerStage {
         let continuous = motor.continuous_torque / motor.torque_constant;
         Self {
             voltage: bus.nominal,
+            has_mains: true,
             is_braking: false,
             braked: 0.0,
             current: 0.0,
@@ -192,7 +202,7 @@ impl PowerStage {
         self.current
     }
 
-    /// At a phase of the motor, V, effective.
+    /// At a phase of the motor, V, effective, in phase with the current.
     #[must_use]
     pub fn phase_voltage(&self) -> f64 {
         self.applied
@@ -251,7 +261,9 @@ impl PowerStage {
         let target = before + self.closes * (wanted / torque_constant - before);
         let induced = torque_constant / 3.0 * velocity * TAU;
         let asked = (target - self.fades * before) / self.admittance + induced;
+        let across = f64::from(pole_pairs) * velocity * TAU * inductance * before;
         let most = self.phase_voltage_most();
+        let most = (most * most - across * across).max(0.0).sqrt();
         let voltage = asked.clamp(-most, most);
         self.is_limited = voltage != asked;
         self.applied = voltage;
@@ -263,17 +275,13 @@ impl PowerStage {
         self.of_motor.heat(mean, h);
         self.of_drive.heat(mean, h);
         self.supply(3.0 * voltage * mean, h);
-        let place = |periods: f64| {
-            let phase = position * periods;
-            libm::sin(TAU * (phase - phase.floor()))
-        };
         let mut torque = torque_constant * mean;
         if ripple != 0.0 {
             // Six times for each pair of poles, as the commutation's harmonics have it.
-            torque *= 1.0 + ripple * place(6.0 * f64::from(pole_pairs));
+            torque *= 1.0 + ripple * wave(position, 6 * pole_pairs);
         }
         if cogging != 0.0 {
-            torque += cogging * place(f64::from(cogging_periods));
+            torque += cogging * wave(position, cogging_periods);
         }
         torque
     }
@@ -288,6 +296,14 @@ impl PowerStage {
         self.supply(0.0, h);
     }
 
+    /// The mains are there or not; they charge the DC bus at once.
+    pub fn feed(&mut self, has_mains: bool) {
+        self.has_mains = has_mains;
+        if has_mains {
+            self.voltage = self.voltage.max(self.bus.nominal);
+        }
+    }
+
     /// The motor takes a power from the DC bus, W, for a step.
     fn supply(&mut self, power: f64, h: f64) {
         let DcBus {
@@ -295,9 +311,10 @@ impl PowerStage {
             capacitance,
             braking,
             resistance,
+            discharge,
             ..
         } = self.bus;
-        if power >= 0.0 && self.voltage <= nominal {
+        if self.has_mains && power >= 0.0 && self.voltage <= nominal {
             // The mains give what is taken.
             return;
         }
@@ -308,14 +325,25 @@ impl PowerStage {
                 braking
             };
         let mut taken = power * h;
+        let mut least = nominal;
+        if !self.has_mains {
+            taken += self.voltage * self.voltage / discharge * h;
+            least = 0.0;
+        }
         if self.is_braking {
             let heat = self.voltage * self.voltage / resistance * h;
             self.braked += heat;
             taken += heat;
         }
         let square = self.voltage * self.voltage - 2.0 * taken / capacitance;
-        self.voltage = square.max(nominal * nominal).sqrt();
+        self.voltage = square.max(least * least).sqrt();
     }
+}
+
+/// A sine of the shaft's angle with so many periods in a revolution.
+fn wave(position: f64, periods: u32) -> f64 {
+    let phase = position * f64::from(periods);
+    libm::sin(TAU * (phase - phase.floor()))
 }
 
 /// What makes torque of what the loops ask for.
@@ -341,6 +369,13 @@ impl TorqueSource {
         match self {
             Self::Ideal => None,
             Self::PowerStage(stage) => Some(stage),
+        }
+    }
+
+    /// Whether it has its supply, as far as it knows one.
+    pub fn feed(&mut self, has_mains: bool) {
+        if let Self::PowerStage(stage) = self {
+            stage.feed(has_mains);
         }
     }
 
@@ -375,7 +410,9 @@ impl TorqueSource {
 
 #[cfg(test)]
 mod tests {
+    use super::super::motor::MOTORS;
     use super::*;
+    use proptest::prelude::*;
 
     const H: f64 = 62.5e-6;
 
@@ -402,6 +439,8 @@ mod tests {
     #[test]
     fn what_voltage_is_left_bounds_how_fast_current_rises_and_how_fast_a_motor_turns() {
         let mut stage = smooth();
+        // Nothing of the voltage is across the current.
+        stage.motor.pole_pairs = 0;
         let Motor {
             torque_constant,
             resistance,
@@ -494,5 +533,94 @@ mod tests {
         let most = torques.iter().fold(0.0_f64, |most, it| most.max(it.abs()));
         assert!((most - 0.02).abs() < 1e-4, "{most}");
         assert!(torques.iter().sum::<f64>().abs() < 1e-9);
+    }
+
+    /// At the limit of the voltage `(R i + e ω)² + (p ω L i)² = u²`: what current is left at each speed, up to that without any.
+    #[test]
+    fn torque_over_speed_is_that_of_the_whole_phasor() {
+        for motor in MOTORS {
+            let Motor {
+                torque_constant,
+                resistance,
+                inductance,
+                pole_pairs,
+                ..
+            } = motor;
+            let mut least = f64::INFINITY;
+            for share in [0.2, 0.4, 0.6, 0.8, 0.9, 0.99] {
+                let mut stage = PowerStage::new(motor, DcBus::default());
+                let most = stage.phase_voltage_most();
+                let velocity = share * motor.no_load_speed(560.0);
+                let induced = torque_constant / 3.0 * velocity * TAU;
+                let reactance = f64::from(pole_pairs) * velocity * TAU * inductance;
+                let impedance = resistance * resistance + reactance * reactance;
+                let square =
+                    (resistance * induced).powi(2) + impedance * (most * most - induced * induced);
+                let expected = (square.sqrt() - resistance * induced) / impedance;
+                for _ in 0..20_000 {
+                    stage.step(1e3, 0.0, velocity, H);
+                }
+                assert!(stage.is_voltage_limited());
+                let found = stage.current();
+                assert!(
+                    (found / expected - 1.0).abs() < 1e-6,
+                    "{} {share}: {found} {expected}",
+                    motor.name
+                );
+                assert!(found < least);
+                least = found;
+            }
+        }
+    }
+
+    /// The motor's work and what discharges it come out of the capacitor.
+    #[test]
+    fn without_mains_the_bus_is_what_is_left_of_it() {
+        let mut stage = smooth();
+        let DcBus {
+            nominal,
+            capacitance,
+            discharge,
+            ..
+        } = stage.bus;
+        stage.feed(false);
+        (0..160_000).for_each(|_| stage.off(H));
+        let expected = nominal * libm::exp(-10.0 / (discharge * capacitance));
+        assert!(
+            (stage.voltage / expected - 1.0).abs() < 1e-6,
+            "{}",
+            stage.voltage
+        );
+        let before = stage.voltage;
+        (0..160).for_each(|_| stage.supply(500.0, H));
+        let given = 0.5 * capacitance * (before * before - stage.voltage * stage.voltage);
+        assert!((given / 5.0 - 1.0).abs() < 0.05, "{given} J");
+        (0..16_000).for_each(|_| stage.supply(500.0, H));
+        assert_eq!(stage.voltage, 0.0);
+        // Without a voltage no current begins.
+        stage.step(1.0, 0.0, 0.0, H);
+        assert_eq!(stage.current(), 0.0);
+        stage.feed(true);
+        assert_eq!(stage.voltage, nominal);
+    }
+
+    proptest! {
+        /// Whatever is asked at whatever speed, with mains that come and go: finite, and no more torque than the peak current makes.
+        #[test]
+        fn a_power_stage_stays_finite(
+            motor in prop::sample::select(&MOTORS[..]),
+            steps in prop::collection::vec((-100.0..100.0_f64, -400.0..400.0_f64, any::<bool>()), 1..40),
+        ) {
+            let mut stage = PowerStage::new(motor, DcBus::default());
+            for (wanted, velocity, mains) in steps {
+                stage.feed(mains);
+                for _ in 0..50 {
+                    let wanted = wanted.clamp(-motor.peak_torque, motor.peak_torque);
+                    let torque = stage.step(wanted, 0.1, velocity, H);
+                    prop_assert!(torque.is_finite() && stage.voltage().is_finite());
+                    prop_assert!(stage.voltage() >= 0.0);
+                }
+            }
+        }
     }
 }
