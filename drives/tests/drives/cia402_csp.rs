@@ -3,6 +3,7 @@
 use crate::common::{Bench, id, ms};
 use syncline_canopen::cia402::State;
 use syncline_canopen::{CobId, nmt};
+use syncline_drives::mechanics::rigid::Rigid;
 use syncline_drives::twin::cia402_csp::{Policies, Twin, TwinConfig};
 use syncline_drives::twin::{Disturbance, ErrorClass, SimulatedDevice};
 
@@ -245,4 +246,49 @@ fn a_lost_heartbeat_is_a_fault() {
     assert_eq!(bench.state(), State::Fault);
     let emcy = bench.emcy().unwrap();
     assert_eq!(emcy[..3], [0x30, 0x81, 0x11]);
+}
+
+/// A supply that goes while the power stage is being switched on leaves it off; what is commanded once more switches it on.
+#[test]
+fn a_supply_that_goes_ends_the_way_on() {
+    let mut bench = Bench::plain();
+    let twin = bench.twin();
+    twin.disturb(Disturbance::EnableTime(ms(100)));
+    assert_eq!(bench.command(0x06), State::ReadyToSwitchOn);
+    assert_eq!(bench.command(0x0F), State::SwitchedOn);
+    bench.twin().disturb(Disturbance::Mains(false));
+    for _ in 0..300 {
+        bench.wait(ms(1));
+        assert_eq!(bench.state(), State::SwitchedOn);
+        assert!(!bench.twin().observe().is_powered);
+    }
+    assert_eq!(bench.emcy(), None);
+    bench.twin().disturb(Disturbance::Mains(true));
+    bench.wait(ms(300));
+    assert_eq!(bench.state(), State::SwitchedOn);
+    assert_eq!(bench.command(0x0F), State::SwitchedOn);
+    bench.wait(ms(100));
+    assert_eq!(bench.state(), State::OperationEnabled);
+}
+
+/// A motor that has lost its torque does not come to rest by braking: the power stage goes off, and the brake stops what hangs
+/// on it.
+#[test]
+fn a_fault_reaction_that_does_not_stop_the_motor_ends() {
+    let mut config = TwinConfig::new(id(NODE));
+    config.servo.mechanics = Rigid {
+        load_torque: -0.4,
+        ..Rigid::default()
+    }
+    .into();
+    let mut bench = Bench::following(config);
+    bench.twin().disturb(Disturbance::LoseTorque(true));
+    bench.wait(ms(50));
+    let twin = bench.twin();
+    twin.disturb(Disturbance::Fault(ErrorClass::StopAndSwitchOff));
+    bench.wait(ms(300));
+    assert_eq!(bench.state(), State::FaultReactionActive);
+    bench.wait(ms(700));
+    assert_eq!(bench.state(), State::Fault);
+    assert_eq!(bench.twin().observe().velocity, 0.0);
 }

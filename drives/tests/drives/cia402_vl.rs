@@ -163,3 +163,37 @@ fn quick_stop_and_faults_brake_by_604ah() {
     assert!(bench.twin().observe().velocity.abs() < 0.1);
     assert!(!bench.twin().observe().is_powered);
 }
+
+/// 6042h is what it turns at as soon as it is written, and 60FFh in Profile Velocity: no SYNC is needed for that.
+#[test]
+fn it_turns_without_sync() {
+    for (mode, index, speed) in [(2, 0x6042, 600_i32), (3, 0x60FF, 10 * 1_048_576)] {
+        let mut bench = Bench::of([Twin::new(TwinConfig {
+            mode,
+            ..TwinConfig::new(id(NODE))
+        })]);
+        let target = &speed.to_le_bytes()[..if mode == 2 { 2 } else { 4 }];
+        bench.write(NODE, 0x6060, 0, &[mode as u8]).unwrap();
+        for word in [0x06, 0x07, 0x7F] {
+            bench.controlword(NODE, word);
+        }
+        bench.write(NODE, index, 0, target).unwrap();
+        bench.wait(ms(1000));
+        let velocity = bench.twin().observe().velocity;
+        assert!(
+            (velocity - 10.0).abs() < 0.1,
+            "mode {mode}: {velocity} rev/s"
+        );
+    }
+}
+
+/// 604Ah:1 of 0 is no ramp.
+#[test]
+fn a_quick_stop_without_a_ramp_ends() {
+    let mut bench = enabled();
+    bench.write(NODE, 0x604A, 1, &[0; 4]).unwrap();
+    cycles(&mut bench, 110, 0x7F, 3000);
+    cycles(&mut bench, 50, 0x0B, 3000);
+    assert!(bench.twin().observe().velocity.abs() < 0.1);
+    assert!(!bench.twin().observe().is_powered);
+}

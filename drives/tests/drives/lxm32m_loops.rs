@@ -3,11 +3,13 @@
 use crate::common::lxm32m::{Bench, drive, enabled};
 use crate::common::{HALT, X_END, id, ms, set, wait_for};
 use syncline_canopen::Instant;
+use syncline_canopen::cia402::State;
 use syncline_drives::mechanics::drive_train::{DriveTrain, Elasticity};
 use syncline_drives::mechanics::friction::Friction;
+use syncline_drives::mechanics::rigid::Rigid;
 use syncline_drives::twin::lxm32m::TwinConfig;
 use syncline_drives::twin::servo::motor::Motor;
-use syncline_drives::twin::{Config, DrivenAxis, SimulatedDevice};
+use syncline_drives::twin::{Config, Disturbance, DrivenAxis, ErrorClass, SimulatedDevice};
 
 /// Where the shaft is at each 2 ms of a run-up with a Halt and of one with a Quick Stop.
 fn motion(writes: &[(u16, u8, i32)]) -> Vec<f64> {
@@ -137,4 +139,27 @@ fn a_blocked_motor_grows_warm_until_its_current_is_limited() {
     assert!((90..=101).contains(&overload), "{overload} %");
     assert!(bench.read_u16(1, 0x301C, 0x18) >= 100);
     assert!(bench.read_u16(1, 0x301C, 0x19) > 20);
+}
+
+/// A motor that has lost its torque does not come to rest by braking: the power stage goes off, and the brake stops what hangs
+/// on it.
+#[test]
+fn a_fault_reaction_that_does_not_stop_the_motor_ends() {
+    let mut config = TwinConfig::new(id(1));
+    config.servo.mechanics = Rigid {
+        load_torque: -0.4,
+        ..Rigid::default()
+    }
+    .into();
+    let mut bench = enabled(config, 3);
+    set(&mut bench, 0x6065, 0, i32::MAX);
+    bench.twin().disturb(Disturbance::LoseTorque(true));
+    bench.wait(ms(50));
+    let twin = bench.twin();
+    twin.disturb(Disturbance::Fault(ErrorClass::StopAndSwitchOff));
+    bench.wait(ms(300));
+    assert_eq!(bench.twin().state(), State::FaultReactionActive);
+    bench.wait(ms(1500));
+    assert_eq!(bench.twin().state(), State::Fault);
+    assert_eq!(bench.twin().observe().velocity, 0.0);
 }

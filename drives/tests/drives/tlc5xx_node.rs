@@ -8,6 +8,7 @@ use crate::common::{Bench, ms, status};
 use syncline_canopen::cia402::State;
 use syncline_canopen::nmt::{self, Command};
 use syncline_canopen::node::BootUp;
+use syncline_drives::mechanics::rigid::Rigid;
 use syncline_drives::twin::tlc5xx::{
     Bit9, DriveError, FaultBits, Policies, Profile, SigProfileError, Twin, TwinConfig,
 };
@@ -536,4 +537,25 @@ fn a_target_waits_for_sync_or_does_not() {
         bench.wait(ms(5));
         assert_eq!(bench.read_i32(1, 0x607A, 0), 1337);
     }
+}
+
+/// A motor that has lost its torque does not come to rest by braking: the power stage goes off, and the brake stops what hangs
+/// on it.
+#[test]
+fn a_fault_reaction_that_does_not_stop_the_motor_ends() {
+    let mut config = config();
+    config.servo.mechanics = Rigid {
+        load_torque: -0.4,
+        ..Rigid::default()
+    }
+    .into();
+    let mut bench = of(config);
+    enabled(&mut bench, 1);
+    bench.twin().disturb(Disturbance::LoseTorque(true));
+    bench.wait(ms(50));
+    let twin = bench.twin();
+    twin.disturb(Disturbance::Fault(ErrorClass::StopAndSwitchOff));
+    bench.wait(ms(2000));
+    assert_eq!(bench.twin().state(), State::Fault);
+    assert_eq!(bench.twin().observe().velocity, 0.0);
 }

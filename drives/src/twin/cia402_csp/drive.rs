@@ -179,12 +179,19 @@ impl Drive {
         }
     }
 
+    /// Whether it is enabled in its mode.
+    fn runs(&self) -> bool {
+        self.servo.state == State::OperationEnabled && self.settings.mode == self.mode
+    }
+
+    /// Whether it goes to a velocity by ramps of its own, whenever that is written.
+    fn has_ramps(&self) -> bool {
+        matches!(self.mode, VELOCITY | PROFILE_VELOCITY)
+    }
+
     /// Whether its loops control a velocity, and no position.
     fn is_sent_velocities(&self) -> bool {
-        matches!(
-            self.mode,
-            VELOCITY | PROFILE_VELOCITY | CYCLIC_SYNCHRONOUS_VELOCITY
-        )
+        self.has_ramps() || self.mode == CYCLIC_SYNCHRONOUS_VELOCITY
     }
 
     /// By how much the motor is away from the position reference, increments; 0 without one.
@@ -200,7 +207,7 @@ impl Drive {
         self.servo.loops.begin_cycle();
         let since_last = self.last_sync.replace(now);
         let since_last = since_last.map_or(0.0, |last| seconds(now.saturating_since(last)));
-        if self.servo.state != State::OperationEnabled || self.settings.mode != self.mode {
+        if !self.runs() || self.has_ramps() {
             return;
         }
         let started = self.servo.controlword.has(Controlword::MODE_4);
@@ -210,22 +217,15 @@ impl Drive {
         }
         let period = self.settings.period.unwrap_or(since_last);
         let period = period.max(POSITION_STEP);
-        match self.mode {
-            VELOCITY | PROFILE_VELOCITY => {
-                self.motion = Motion::Profile;
-                return;
-            }
-            CYCLIC_SYNCHRONOUS_VELOCITY => {
-                let to = self.target_velocity();
-                let from = match self.motion {
-                    _ if !self.policies.interpolates => to,
-                    Motion::Turn(segment) => segment.at(now).position,
-                    _ => self.reference.velocity,
-                };
-                self.motion = Motion::Turn(Segment::new(from, to, now, period));
-                return;
-            }
-            _ => {}
+        if self.mode == CYCLIC_SYNCHRONOUS_VELOCITY {
+            let to = self.target_velocity();
+            let from = match self.motion {
+                _ if !self.policies.interpolates => to,
+                Motion::Turn(segment) => segment.at(now).position,
+                _ => self.reference.velocity,
+            };
+            self.motion = Motion::Turn(Segment::new(from, to, now, period));
+            return;
         }
         let to = self.settings.target;
         self.motion = Motion::Follow(match self.motion {
@@ -244,7 +244,7 @@ impl Drive {
     // ---- monitoring ----
 
     fn monitor(&mut self) {
-        if self.servo.braking && self.is_at_rest() {
+        if self.servo.has_braked(self.motion == Motion::Hold) {
             self.stopped();
         } else if self.misses_sync() {
             self.raise(DriveError::SYNC_LOST);
@@ -278,10 +278,6 @@ impl Drive {
             }
             _ => false,
         }
-    }
-
-    fn is_at_rest(&self) -> bool {
-        self.motion == Motion::Hold && self.servo.stands()
     }
 
     // ---- objects ----
@@ -410,6 +406,9 @@ impl ServoFirmware for Drive {
 
     fn position_step(&mut self, _: u32) {
         self.change_state();
+        if self.runs() && self.has_ramps() {
+            self.motion = Motion::Profile;
+        }
         if self.is_powered() {
             self.move_reference();
             self.monitor();

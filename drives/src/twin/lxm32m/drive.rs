@@ -217,7 +217,7 @@ impl Drive {
             }
         }
         let at_rest = self.is_at_rest();
-        if self.servo.braking && at_rest {
+        if self.servo.has_braked(self.motion == Motion::Hold) {
             self.end_braking();
             if self.servo.state == State::Fault {
                 return;

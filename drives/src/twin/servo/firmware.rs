@@ -6,6 +6,7 @@
 
 use super::cascade::{Gains, Reference, SPEED_STEPS};
 use super::errors::{Errors, ServoError};
+use super::lasting::Lasting;
 use super::loops::Loops;
 use super::power_stage::PowerStage;
 use super::shaft::Shaft;
@@ -21,6 +22,10 @@ use syncline_canopen::time::Duration;
 /// The part of a turn per second below which the motor counts as standing (10 r/min).
 const STANDSTILL: f64 = 1.0 / 6.0;
 
+/// How long the motor may turn on when what brakes it has led its reference to rest, until its power stage goes off
+/// nevertheless: an assumption.
+const BRAKING_ENDS: Duration = Duration::from_millis(500);
+
 /// What every servo drive has, whoever made it; `E` are the errors of its maker.
 pub struct Servo<E> {
     /// Until when its loops have run.
@@ -35,6 +40,8 @@ pub struct Servo<E> {
     pub enable_time: Duration,
     /// It brakes by itself: quick stop or fault reaction.
     pub braking: bool,
+    /// The reference has come to rest by that.
+    rests: Lasting,
     /// Whether an EMCY tells that an error has been reset.
     pub tells_reset: bool,
     /// The last one.
@@ -64,6 +71,7 @@ impl<E: ServoError> Servo<E> {
         Self {
             enable_time,
             braking: false,
+            rests: Lasting::default(),
             tells_reset,
             velocity: VelocityMeter::at(loops.encoder),
             now: Instant::ZERO,
@@ -85,6 +93,12 @@ impl<E: ServoError> Servo<E> {
     #[must_use]
     pub fn stands(&self) -> bool {
         self.velocity.velocity().abs() < STANDSTILL * self.loops.increments_per_revolution
+    }
+
+    /// Whether its braking is over, while its reference rests or does not: the motor stands, or nothing stops it.
+    pub fn has_braked(&mut self, rests: bool) -> bool {
+        let rested = (self.rests).for_time(BRAKING_ENDS, self.now, rests && self.braking);
+        self.braking && rests && (self.stands() || rested)
     }
 
     fn is_stopped_by_error(&self) -> bool {
@@ -210,10 +224,12 @@ pub trait ServoFirmware: Application {
             } else if power_stage.is_some_and(PowerStage::has_overvoltage) {
                 self.raise(Self::Error::OVERVOLTAGE);
             }
-        } else if servo.state == State::SwitchedOn
-            && servo.enable_at.is_some_and(|at| servo.now >= at)
-        {
-            self.enter(State::OperationEnabled);
+        } else if servo.state == State::SwitchedOn {
+            if !servo.has_mains {
+                self.servo_mut().enable_at = None;
+            } else if servo.enable_at.is_some_and(|at| servo.now >= at) {
+                self.enter(State::OperationEnabled);
+            }
         }
     }
 
@@ -353,7 +369,10 @@ impl<D: ServoFirmware> Firmware for D {
     fn disturb(&mut self, disturbance: Disturbance) {
         let servo = self.servo_mut();
         match disturbance {
-            Disturbance::Mains(on) => servo.has_mains = on,
+            Disturbance::Mains(on) => {
+                servo.has_mains = on;
+                servo.loops.torque_source.feed(on);
+            }
             Disturbance::FaultPersists(persists) => servo.cause_persists = persists,
             Disturbance::RefuseWrite(address, code) => servo.tampering.refuse(address, code),
             Disturbance::FoundEnabled => {

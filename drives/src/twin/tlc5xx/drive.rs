@@ -156,8 +156,9 @@ impl Drive {
     fn monitor(&mut self) {
         let deviation = (self.ramp.position - self.servo.loops.encoder as f64).abs() - self.lag();
         self.peak_error = self.peak_error.max(deviation);
+        let has_braked = self.servo.has_braked(self.motion == Motion::Hold);
         if self.servo.braking {
-            if self.is_at_rest() {
+            if has_braked {
                 self.end_braking();
             }
             return;
@@ -258,11 +259,15 @@ impl Drive {
             Motion::Velocity(velocity, _) => (user_reference, user_velocity(velocity)),
             Motion::Hold | Motion::Stop(_) | Motion::Gear => (user_reference, 0),
         };
-        let torque = self.servo.loops.torque() * self.settings.direction;
-        let current = torque / self.servo.loops.cascade.gains().continuous_torque;
+        let loops = &self.servo.loops;
         // Of the motor's nominal current (6410h:7).
         let nominal = self.objects.value(0x6410, 7).unwrap_or(0) as f64;
-        let current = libm::round(current * nominal) as i64;
+        let nominal = nominal / loops.cascade.gains().continuous_torque;
+        let current = |torque: f64| libm::round(torque * nominal) as i64;
+        let (wanted, actual) = (
+            loops.cascade.torque(),
+            loops.mean_torque() * loops.direction(),
+        );
         let within = encoder.rem_euclid(INCREMENTS_PER_REVOLUTION) as i64;
         let error = libm::round(reference - encoder) as i64;
         let shown = [
@@ -277,8 +282,8 @@ impl Drive {
             (0x2073, error),
             (0x2074, rpm(self.ramp.velocity)),
             (0x2075, rpm(self.actual_velocity())),
-            (0x2076, current),
-            (0x2077, current),
+            (0x2076, current(wanted)),
+            (0x2077, current(actual)),
             (0x2078, within),
             (0x2083, libm::round(self.ramp.velocity) as i64),
             (0x2085, target),
