@@ -117,6 +117,8 @@ struct Levels {
     bottom: f64,
     retract: f64,
     clear: f64,
+    /// At least as high it goes across to the hole.
+    across: f64,
     peck: f64,
     dwell: f64,
     lead: f64,
@@ -186,8 +188,8 @@ impl State {
                 code,
                 axis: levels.axis,
             };
-            if hole.state.at[levels.axis] < levels.clear {
-                hole.rapid(levels.clear)?;
+            if hole.state.at[levels.axis] < levels.across {
+                hole.rapid(levels.across)?;
             }
             let mut over = place;
             over[levels.axis] = hole.state.at[levels.axis];
@@ -289,6 +291,8 @@ impl State {
             bottom,
             retract,
             clear,
+            // Work with a higher origin has its own level from the first hole on.
+            across: if origin == below { retract } else { clear },
             peck,
             dwell,
             lead,

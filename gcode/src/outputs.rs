@@ -37,16 +37,12 @@ impl PassedOutputs {
                 return keep_last(&mut self.await_motion, *output);
             }
             Action::Output(output) => return keep_last(&mut self.switched, *output),
-            Action::Rapid { to } | Action::Feed { to, .. } if *to != self.at => *to,
-            Action::Home { to, .. } => {
-                self.at = *to;
-                return;
-            }
-            Action::Thread { to, .. } => *to,
+            Action::Rapid { to } | Action::Feed { to, .. } if *to == self.at => return,
             Action::Tap { .. } => self.at,
-            Action::Arc { arc, .. } => arc.to,
-            Action::Spline { spline, .. } => spline.to,
-            _ => return,
+            action => match action.destination() {
+                Some(to) => to,
+                None => return,
+            },
         };
         self.at = to;
         for output in std::mem::take(&mut self.await_motion) {

@@ -123,19 +123,10 @@ fn the_first_level_goes_with_the_work() {
         );
         assert_eq!(all[all.len() - 4], [9.0, 1.0, 18.0], "{shift}: {all:?}");
         assert_eq!(all.last(), Some(&[9.0, 1.0, 18.0]), "{shift}");
+        // The first of them too is gone to up there.
+        let first = all.iter().find(|place| place[0] == 5.0);
+        assert_eq!(first, Some(&[5.0, 1.0, 18.0]), "{shift}: {all:?}");
     }
-}
-
-/// G98 behind holes under G99: up first, then across.
-#[test]
-fn back_to_the_first_level_it_goes_up_before_it_goes_across() {
-    let all = places(xyz(), "G0 Z10 F100\nG99 G81 X1 Z-3 R5\nG98 X2\nM2");
-    let z = |x: f64| move |place: &&[f64; 3]| place[0] == x && place[2] == 10.0;
-    assert_eq!(all.iter().filter(z(1.0)).count(), 2, "{all:?}");
-    assert_eq!(
-        all.iter().find(|place| place[0] == 2.0),
-        Some(&[2.0, 0.0, 10.0])
-    );
 }
 
 /// Depth and levels are of one axis: those of another plane are written anew.

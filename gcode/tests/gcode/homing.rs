@@ -1,7 +1,7 @@
 //! Homing from a program: what it asks for, where the program goes on, and what is refused.
 
 use proptest::prelude::*;
-use syncline_gcode::{Action, AxisLetter, AxisSet, Homed, Interpreter, Point, Setup};
+use syncline_gcode::{Action, AxisLetter, AxisSet, Homed, Interpreter, Output, Point, Setup};
 
 use super::listing::{begun_at, xyz};
 
@@ -165,5 +165,27 @@ proptest! {
             }
         }
         prop_assert_eq!(next_homing(&mut program), (None, vec![]));
+    }
+}
+
+/// A homing switches what waits for a motion, as a run does there: begun behind it, the output is on already.
+#[test]
+fn a_passed_homing_has_switched_what_waits_for_a_motion() {
+    for homing in ["G28.2 X0", "G28.2"] {
+        let text = format!("M62 P1\n{homing}\n(MSG, here)\nG0 X9\nM2");
+        let mut program = Interpreter::from_text("part.ngc", text, setup());
+        let entry = program.enter_at_line(3).unwrap();
+        assert!(entry.with_motion.is_empty(), "{:?}", entry.with_motion);
+        let on = |action: &Action| {
+            matches!(
+                action,
+                Action::Output(Output::Digital {
+                    number: 1,
+                    on: true,
+                    with_motion: false
+                })
+            )
+        };
+        assert_eq!(entry.set_up.iter().filter(|action| on(action)).count(), 1);
     }
 }
