@@ -86,6 +86,69 @@ const CRC: [u16; 256] = {
     table
 };
 
+/// How far a run of equal bits has come on the wire.
+#[derive(Clone, Copy)]
+struct Run {
+    bit: bool,
+    /// 1 to 4; a fifth is followed by a stuff bit, with which the next run begins.
+    length: u8,
+}
+
+impl Run {
+    /// Runs that can be told apart.
+    const KINDS: usize = 8;
+
+    const fn number(self) -> u8 {
+        self.length - 1 + if self.bit { 4 } else { 0 }
+    }
+
+    const fn of(number: u8) -> Self {
+        Self {
+            bit: number >= 4,
+            length: number % 4 + 1,
+        }
+    }
+
+    /// The run that the next bit leaves, and whether a stuff bit follows it.
+    const fn then(self, bit: bool) -> (Self, bool) {
+        let length = if bit == self.bit { self.length + 1 } else { 1 };
+        if length == 5 {
+            (
+                Self {
+                    bit: !bit,
+                    length: 1,
+                },
+                true,
+            )
+        } else {
+            (Self { bit, length }, false)
+        }
+    }
+}
+
+/// What a byte makes of a run: the run behind it, by its number, and how many stuff bits the byte takes.
+const STUFFING: [[(u8, u8); 256]; Run::KINDS] = {
+    let mut table = [[(0, 0); 256]; Run::KINDS];
+    let mut number = 0;
+    while number < Run::KINDS {
+        let mut byte = 0;
+        while byte < 256 {
+            let (mut run, mut stuffed) = (Run::of(number as u8), 0);
+            let mut shift = 8;
+            while shift > 0 {
+                shift -= 1;
+                let (next, stuff) = run.then(byte >> shift & 1 == 1);
+                run = next;
+                stuffed += stuff as u8;
+            }
+            table[number][byte] = (run.number(), stuffed);
+            byte += 1;
+        }
+        number += 1;
+    }
+    table
+};
+
 /// The part of a frame that is stuffed and covered by the CRC: 118 bits at most, the last one lowest.
 #[derive(Default)]
 struct Stuffed {
@@ -107,20 +170,18 @@ impl Stuffed {
         })
     }
 
-    /// Five bits of a kind are followed by one of the other, which counts as the first of what comes next:
-    /// of a run of `length` every fifth, and where the run ends with such a one the next is longer by it.
+    /// Five bits of a kind are followed by one of the other, which counts as the first of what comes next.
     fn stuff_bits(&self) -> u32 {
-        let word = self.word << (u128::BITS - self.bits);
-        // Where a bit is another than the next.
-        let (mut changes, mut left) = (word ^ word << 1, self.bits);
-        let (mut stuffed, mut carried) = (0, 0);
-        while left > 0 {
-            let run = left.min(changes.leading_zeros() + 1);
-            let length = run + carried;
-            stuffed += length / 5;
-            carried = u32::from(length % 5 == 0);
-            changes <<= run;
-            left -= run;
+        // Bits that take turns before the first, the last of them the other one, stuff nothing and leave no run.
+        let first = self.word >> (self.bits - 1) & 1 == 1;
+        let turns = (u128::MAX / 3) << u32::from(first);
+        let bytes = (self.word | turns.unbounded_shl(self.bits)).to_be_bytes();
+        let mut run = 0;
+        let mut stuffed = 0;
+        for byte in bytes {
+            let (then, more) = STUFFING[usize::from(run)][usize::from(byte)];
+            run = then;
+            stuffed += u32::from(more);
         }
         stuffed
     }
