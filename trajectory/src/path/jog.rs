@@ -177,6 +177,16 @@ impl Travel {
         Some(direct.map_or((stop, false), |plan| (plan, true)))
     }
 
+    /// With that position, too.
+    fn with(self, position: f64) -> Self {
+        let PositionLimits { min, max } = self.bounds;
+        let bounds = PositionLimits {
+            min: min.min(position),
+            max: max.max(position),
+        };
+        Self { bounds, ..self }
+    }
+
     fn contains(&self, position: f64) -> bool {
         (self.bounds.min..=self.bounds.max).contains(&position)
     }
@@ -256,20 +266,28 @@ impl Motion {
 }
 
 impl<const N: usize> Jogging<N> {
+    /// Has axes that rest keep other travels and limits from now on, as those of a search differ from those of the move
+    /// before it. What moves keeps those with which its plan ends at rest.
+    pub(super) fn allow(&mut self, travel: &[Option<Travel>; N]) {
+        if self
+            .line
+            .is_some_and(|line| !line.motion.is_at_rest(self.clock))
+        {
+            return;
+        }
+        for (i, motion) in self.motions.iter().enumerate() {
+            if motion.is_at_rest(self.clock) {
+                let here = motion.at(self.clock).state.p;
+                self.travel[i] = travel[i].map(|it| it.with(self.home[i]).with(here));
+            }
+        }
+    }
+
     /// At rest in `home`. An axis that is outside of its travel may be there and come back.
     pub(super) fn new(home: [f64; N], period: f64, travel: &[Option<Travel>; N]) -> Self {
-        let hull = |i: usize| {
-            travel[i].map(|Travel { limits, bounds }| Travel {
-                limits,
-                bounds: PositionLimits {
-                    min: bounds.min.min(home[i]),
-                    max: bounds.max.max(home[i]),
-                },
-            })
-        };
         Jogging {
             clock: Clock { cycle: 0, period },
-            travel: std::array::from_fn(hull),
+            travel: std::array::from_fn(|i| travel[i].map(|it| it.with(home[i]))),
             motions: home.map(Motion::resting),
             line: None,
             next_line: None,

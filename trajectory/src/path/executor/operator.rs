@@ -275,6 +275,7 @@ impl<const N: usize> Executor<N> {
         }
         let new = || Jogging::new(self.place.position, self.period, travel);
         let mut axes = self.activity.jogging().copied().unwrap_or_else(new);
+        axes.allow(travel);
         axes.order(jog, self.overrides.rapid)?;
         if let Activity::Following | Activity::Retracing { .. } = self.activity {
             self.request_replacement();
