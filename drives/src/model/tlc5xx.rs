@@ -116,6 +116,19 @@ const RAMP: u32 = 2_000_000;
 /// The flattest ramp, r/(min·s) (15651, 15680).
 const LEAST_RAMP: u32 = 60;
 
+/// The greatest speed of the profile generator, r/min (10734).
+const MOST_SPEED: f64 = 12_000.0;
+
+/// A ramp for that acceleration, increments/s², r/(min·s).
+fn ramp(acceleration: f64) -> u32 {
+    ((acceleration * 60.0 / f64::from(INCREMENTS)) as u32).clamp(LEAST_RAMP, RAMP)
+}
+
+/// A speed, increments/s, in r/min.
+fn rpm(velocity: f64) -> f64 {
+    velocity / f64::from(INCREMENTS) * 60.0
+}
+
 /// One drive.
 #[derive(Clone, Debug)]
 struct Tlc5xx {
@@ -134,7 +147,7 @@ struct Tlc5xx {
 impl Tlc5xx {
     fn new(settings: &Settings) -> Self {
         let assumed = &settings.assumed;
-        let rpm = settings.velocity / f64::from(INCREMENTS) * 60.0;
+        let rpm = rpm(settings.velocity);
         let per_rpm = assumed.value(&UNITS_PER_RPM);
         // Finer than by a thousand nothing is gained.
         let finer = (MOST_UNITS / (rpm * RESERVE * f64::from(per_rpm))).clamp(1.0, 1000.0) as u32;
@@ -219,8 +232,13 @@ fn setup(settings: &Settings, finer: u32) -> Vec<Write> {
     setup.push(w(0x6094, 1, Data::i32(1)));
     setup.push(w(0x6094, 2, Data::i32(finer as i32)));
     setup.push(w(0x607F, 0, Data::u32(MOST_UNITS as u32)));
+    // As delivered it is 3000 r/min, at which motions end without a word.
+    let speed = (rpm(settings.velocity) * RESERVE).clamp(1.0, MOST_SPEED);
+    setup.push(w(0x205A, 0, Data::i32(libm::ceil(speed) as i32)));
     setup.push(w(0x6083, 0, Data::u32(RAMP)));
     setup.push(w(0x6084, 0, Data::u32(RAMP)));
+    // As delivered a quick stop takes seconds (15725).
+    setup.push(w(0x6085, 0, Data::u32(ramp(settings.acceleration))));
     setup.extend(&settings.objects);
     let (r_pdo, setpoint) = setpoints(settings);
     let parameters = 0x13FF + u16::from(r_pdo);
@@ -316,8 +334,7 @@ impl Drive for Tlc5xx {
     fn profile(&self, velocity: f64, acceleration: f64) -> Option<[Write; 3]> {
         self.targets.as_ref()?;
         let velocity = (velocity * self.units).clamp(1.0, MOST_UNITS) as u32;
-        let ramp = (acceleration * 60.0 / f64::from(INCREMENTS)) as u32;
-        let ramp = Data::u32(ramp.clamp(LEAST_RAMP, RAMP));
+        let ramp = Data::u32(ramp(acceleration));
         Some([
             Write::new(0x6081, 0, Data::u32(velocity)),
             Write::new(0x6083, 0, ramp),
