@@ -205,6 +205,11 @@ impl DeviceNode {
                 }
             }
         } else if is(CobId::emcy(node)) {
+            if frame.data().is_empty() {
+                // The boot-up message of older devices.
+                self.boots();
+                return Ok(());
+            }
             let Some(emergency) = Emergency::decode(frame.data()) else {
                 return Ok(());
             };
@@ -214,11 +219,17 @@ impl DeviceNode {
             events(Event::ErrorReset { device: self.index });
         } else {
             let told = self.heartbeat.on_frame(at, frame);
-            let boots = told == Some(heartbeat::Event::BootUp);
-            self.booted |= boots;
-            self.lost_count |= boots && !self.resetting;
+            if told == Some(heartbeat::Event::BootUp) {
+                self.boots();
+            }
         }
         Ok(())
+    }
+
+    /// It says that it begins: once where it was reset, otherwise by itself.
+    fn boots(&mut self) {
+        self.lost_count |= self.booted || !self.resetting;
+        self.booted = true;
     }
 
     /// Takes what a drive says of its state when it is asked.
@@ -361,7 +372,6 @@ impl DeviceNode {
         self.torque.forget_steps();
         self.replies.clear();
         self.expect_boot();
-        self.resetting = false;
         self.answers.forget();
         self.status = DriveStatus::default();
         self.age = self.device.spec().answers_sync.into();
@@ -507,7 +517,6 @@ impl DeviceNode {
                 Ok(())
             }
             Monitoring::Heartbeat if !self.heartbeat.is_alive(now) => {
-                self.lost_count = true;
                 Err(self.fault(DeviceCause::HeartbeatLost))
             }
             Monitoring::Heartbeat if !self.is_operational() => Err(self.did_not_start()),
@@ -564,10 +573,18 @@ impl DeviceNode {
             .map_err(|why| self.fault(DeviceCause::NotFollowing { word, why }))
     }
 
-    /// Counts the cycles in which the drive has stood within its window, or has told no speed.
+    /// Counts the cycles in which the drive has stood within its window, or has told no speed. A cycle in which it is not heard
+    /// says nothing, and one that is not heard any more may be anywhere.
     pub(super) fn watch_standstill(&mut self) {
         let window = self.standstill_window();
         let turns = self.told_speed.is_some_and(|speed| speed != 0.0);
+        if self.age >= self.patience() {
+            self.still = 0;
+            return;
+        }
+        if !self.has_answered() {
+            return;
+        }
         if !turns && (self.actual - self.still_at).get().abs() <= window.get() {
             self.still = self.still.saturating_add(1);
         } else {
@@ -719,7 +736,6 @@ impl DeviceNode {
     /// The steps from the boot-up message to a drive that is set up.
     pub(super) fn ask_set_up(&mut self) {
         self.booted = false;
-        self.resetting = false;
         let spec = self.device.spec();
         let identity = spec.identity.iter().copied().map(Step::Identity);
         let ensured = spec.ensured.iter().copied().map(Step::Ensure);

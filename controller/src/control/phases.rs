@@ -186,6 +186,7 @@ impl<const N: usize> Controller<N> {
         self.phase_cycle = self.cycle;
         self.acted = false;
         self.tell(Event::Phase(phase));
+        self.ask(DeviceNode::end_reset);
         match phase {
             Phase::Survey => self.ask(DeviceNode::ask_survey),
             Phase::Boot => {

@@ -227,10 +227,17 @@ impl Fault {
         same && self.cause() == other.cause()
     }
 
-    /// Whether it concerns a drive: its own axis, or all that a bus carries.
+    /// Whether it concerns a drive: itself, its own axis, the encoder with whose positions its loop is closed, or all that a
+    /// bus carries.
     pub(super) fn concerns(&self, layout: &Layout, drive: usize) -> bool {
         match *self {
-            Self::Device(of, _) => of == drive,
+            Self::Device(of, _) => {
+                let closes_loop = |axis: &super::layout::AxisSpec| {
+                    let feedback = axis.feedback.filter(|it| it.closes_loop);
+                    feedback.is_some_and(|it| it.encoder == of) && axis.drives.contains(&drive)
+                };
+                of == drive || layout.axes.iter().any(closes_loop)
+            }
             Self::Axis(axis, _) => layout.axes[axis].drives.contains(&drive),
             Self::Bus(bus, _) => layout.devices[drive].bus == bus,
             _ => false,

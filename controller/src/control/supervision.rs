@@ -7,7 +7,6 @@
 
 use super::axis::AxisSample;
 use super::fault::AxisCause;
-use super::node::DeviceNode;
 use super::{Controller, Event, Fault, Goal, MOST_FAULTS, Phase, Reaction, Row, event_sink};
 use syncline_canopen::Instant;
 use syncline_drives::model::PowerState;
@@ -15,7 +14,10 @@ use syncline_drives::model::PowerState;
 impl<const N: usize> Controller<N> {
     /// Looks at drives and axes.
     pub(super) fn supervise(&mut self, now: Instant) {
-        self.nodes.iter_mut().for_each(DeviceNode::watch_standstill);
+        for node in &mut self.nodes {
+            node.watch_standstill();
+            node.watch_count(now);
+        }
         self.watch_spindle();
         let phase = self.phase;
         if (Phase::Square..=Phase::QuickStop).contains(&phase) {

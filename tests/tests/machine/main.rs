@@ -4,6 +4,7 @@
 mod analog_inputs;
 mod bad_input;
 mod beam;
+mod began_anew;
 mod bounds;
 mod bring_up;
 mod captured_edges;

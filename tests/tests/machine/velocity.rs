@@ -6,6 +6,7 @@ use syncline_canopen::{CobId, NodeId};
 use syncline_controller::control::fault::{AxisCause, DeviceCause};
 use syncline_controller::control::{End, Fault, Row};
 use syncline_controller::machine::COORDINATES;
+use syncline_drives::bus::Transmission;
 use syncline_drives::twin::{Config, Disturbance, ErrorClass};
 use syncline_tests::rig::{PORTAL_PROGRAM, Rig};
 
@@ -204,11 +205,50 @@ fn an_encoder_that_closes_the_loop_and_is_lost_stops_the_machine() {
             fault.starts_with("node 5 (beam, TWK CRN): ") && fault.contains(text),
             "{fault}"
         );
-        rig.trace().assert_within_limits();
+        // Without positions it follows no plan any more.
+        let words = rig.sent(CobId::r_pdo(3, rig.machine.drives[DRIVE].node));
+        let stops = |it: &&Transmission| it.frame.data()[..2] == [0x0B, 0];
+        assert!(words.iter().filter(stops).count() > 2, "{disturbance:?}");
+        assert!(rig.ends_at_rest());
     }
 }
 
 // --- it is lost ---
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+
+    /// However fast it goes, a quick stop takes it the way that its greatest acceleration allows, and the cycles until it is
+    /// noticed.
+    #[test]
+    fn a_quick_stop_is_as_short_as_the_axis_can(share in 0.05..0.99f64, row in 0..40usize) {
+        let speed = 800.0 * share;
+        let program = format!("G21 G90 G94 G61\nG1 Y900 F{}\nM2\n", speed * 60.0);
+        let mut rig = portal(&program);
+        rig.run_until(|rig| rig.rows.last().is_some_and(|row| row.plan.velocity[Y] > 0.999 * speed));
+        let begin = rig.rows.len() + row;
+        rig.run_to_row(begin);
+        let place = |rig: &mut Rig| rig.twin(DRIVE).observe().position * 20.0;
+        let from = place(&mut rig);
+        rig.twin(DRIVE).disturb(Disturbance::LoseTPdos(10_000));
+        while rig.step() {}
+        let way = place(&mut rig) - from;
+        // Two T_PDOs are missing, the word comes with the next cycle, and the loops follow.
+        let most = speed * speed / (2.0 * 5000.0) + speed * (6.0 * CYCLE + 2.0 * LAG) + 1.0;
+        prop_assert!(way <= most, "{} mm/s: {} of {} mm", speed, way, most);
+        prop_assert!(rig.ends_at_rest());
+    }
+
+    /// The drive is fast enough for its axis, up to its own greatest speed.
+    #[test]
+    fn it_goes_as_fast_as_its_axis_may(velocity in 200.0..1900.0f64) {
+        let limit = format!("max_velocity = {velocity}\nmax_acceleration = 20_000.0");
+        let more = [("max_velocity = 800.0\nmax_acceleration = 5000.0", &*limit)];
+        let program = "G21 G90 G94 G61\nG0 Y900\nM2\n";
+        let mut rig = portal_with(&more, program, |_, _| ());
+        prop_assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    }
+}
 
 #[test]
 fn a_position_that_is_missing_once_is_ridden_out() {

@@ -2,7 +2,8 @@
 
 use super::DeviceNode;
 use crate::machine::Kept;
-use syncline_drives::model::{Increments, unwrapped};
+use syncline_canopen::{Instant, nmt};
+use syncline_drives::model::{Increments, Monitoring, unwrapped};
 
 impl DeviceNode {
     /// Takes up where it counted when the machine was on last: how far it has moved since, increments.
@@ -24,6 +25,19 @@ impl DeviceNode {
     /// Whether it may count otherwise than when its count was last known.
     pub(in crate::control) fn has_lost_count(&self) -> bool {
         self.lost_count
+    }
+
+    /// Notices that it may have begun anew without a word of it: it told by heartbeats that it runs, and does so no more. Also
+    /// of one of which nothing else is expected any more.
+    pub(in crate::control) fn watch_count(&mut self, now: Instant) {
+        let ran = self.heartbeat.state() == Some(nmt::State::Operational);
+        let is_watched = self.monitoring() == Monitoring::Heartbeat && ran;
+        self.lost_count |= is_watched && !self.heartbeat.is_alive(now);
+    }
+
+    /// Its reset is over: it begins anew by itself from now on.
+    pub(in crate::control) fn end_reset(&mut self) {
+        self.resetting = false;
     }
 
     /// It may count otherwise from now on.
