@@ -64,11 +64,21 @@ impl Memory {
 
     /// Spindle and coolant were switched off by a stop.
     pub fn stop(&mut self) {
+        self.stop_spindle();
+        self.stop_coolant();
+    }
+
+    /// The spindle was switched off otherwise than by M5.
+    pub fn stop_spindle(&mut self) {
         let spindle = self.modes.spindle.as_programmed();
         self.modes.spindle = Spindle {
             surface: None,
             ..spindle.stopped()
         };
+    }
+
+    /// The coolant was switched off otherwise than by M9.
+    pub fn stop_coolant(&mut self) {
         self.modes.coolant = Coolant::default();
     }
 

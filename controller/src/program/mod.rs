@@ -473,6 +473,11 @@ impl Programs {
         self.setup.memory.tool_is(tool);
     }
 
+    /// What the programs so far have left, for what was switched since.
+    pub(crate) fn memory_mut(&mut self) -> &mut gcode::Memory {
+        &mut self.setup.memory
+    }
+
     /// A program was stopped: what it set is forgotten, as it was read ahead of the machine, and what
     /// M2 resets is reset. The tool is the one that is in the spindle.
     pub fn forget(&mut self, tool: u32) {

@@ -106,6 +106,8 @@ impl Command {
             | Self::SetWorkOffset(_)
             | Self::SetToolLength(_)
             | Self::Home(_)
+            | Self::Enable
+            | Self::Reset
             | Self::Output { .. } => true,
             Self::FeedHold
             | Self::SingleBlock(_)
@@ -117,9 +119,7 @@ impl Command {
             | Self::JogStep(_)
             | Self::Load(_)
             | Self::Stop
-            | Self::Enable
             | Self::Disable
-            | Self::Reset
             | Self::UserCodeEnded { .. }
             | Self::SwitchOff => false,
         }

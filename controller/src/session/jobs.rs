@@ -8,7 +8,7 @@
 //! interrupted, read anew with the offsets and tools as they are then ([`Interrupted`]).
 
 use super::{Command, Refusal, Status};
-use crate::control::{Job, JobKind, Layout, Order, Outcome, State};
+use crate::control::{Job, JobKind, Layout, Order, Outcome, State, Switch};
 use crate::machine::{COORDINATES, Position};
 use crate::program::{Interrupted, Left, Moves, Program, Programs, Setting};
 use crate::run::Work;
@@ -44,6 +44,8 @@ struct AtWork {
     resumes: Option<Interrupted>,
     /// It is over, and what it has left is not known yet.
     is_over: bool,
+    /// What was switched off since then.
+    switched_off: Vec<Switch>,
 }
 
 /// A job that is to begin.
@@ -207,6 +209,7 @@ impl Jobs {
             before: self.at_work.take().map(Box::new),
             resumes: self.interrupted.clone().filter(|_| resumes),
             is_over: false,
+            switched_off: Vec::new(),
         });
         Ok(Some(Begin {
             work: Work {
@@ -273,6 +276,7 @@ impl Jobs {
         let Some(it) = self.at_work.take_if(|it| it.job.number == number) else {
             return;
         };
+        let switched_off = it.switched_off;
         match (left, it.job.kind, outcome) {
             (Some(left), ..) if it.is_beside => {
                 self.programs.take_tables(left.tables);
@@ -289,6 +293,25 @@ impl Jobs {
             (None, JobKind::Mdi, _) => {
                 self.programs.stop(tool);
                 self.beside = None;
+            }
+        }
+        switched_off
+            .into_iter()
+            .for_each(|it| self.switched_off(it));
+    }
+
+    /// The cycle has switched off the spindle or the coolant: by an M-code, or to make the machine safe, behind what the
+    /// last job has left. The next job begins so, and no S turns the spindle again.
+    pub(super) fn switched_off(&mut self, switch: Switch) {
+        if let Some(it) = self.at_work.as_mut().filter(|it| it.is_over) {
+            it.switched_off.push(switch);
+        }
+        let memories = [Some(self.programs.memory_mut()), self.beside.as_mut()];
+        for memory in memories.into_iter().flatten() {
+            match switch {
+                Switch::Spindle(_) => memory.stop_spindle(),
+                Switch::Coolant(_) => memory.stop_coolant(),
+                Switch::Tool(_) | Switch::Output(_) | Switch::Message => {}
             }
         }
     }

@@ -52,7 +52,7 @@ use std::collections::VecDeque;
 use std::path::Path;
 use std::sync::Arc;
 use syncline_drives::model::PowerState;
-use syncline_gcode::Point;
+use syncline_gcode::{Coolant, Point, Turning};
 
 /// A machine, its job, its operators and all who watch, on a [`Timeline`].
 pub struct Session<T> {
@@ -615,6 +615,7 @@ impl Desk {
                 }
                 if let control::Event::Switched { line, switch } = event {
                     self.show_switched(line, switch);
+                    self.switched_off(switch);
                 }
                 self.status.waits = event.rests().unwrap_or(self.status.waits);
                 self.outlets.tell(&Event::Machine(event));
@@ -709,6 +710,19 @@ impl Desk {
             }
             // Its name comes with it.
             Switch::Tool(_) | Switch::Output(_) => {}
+        }
+    }
+
+    /// What is switched off stays off in the next job, too.
+    fn switched_off(&mut self, switch: Switch) {
+        let is_off = match switch {
+            Switch::Spindle(spindle) => spindle.turning == Turning::Off,
+            Switch::Coolant(coolant) => coolant == Coolant::default(),
+            Switch::Tool(_) | Switch::Output(_) | Switch::Message => false,
+        };
+        if let Some(jobs) = self.jobs.as_mut().filter(|_| is_off) {
+            jobs.switched_off(switch);
+            self.show_programs();
         }
     }
 

@@ -657,6 +657,116 @@ proptest! {
     }
 }
 
+/// What makes a machine safe whose spindle was switched on by a typed line.
+#[derive(Clone, Copy, Debug)]
+enum Safe {
+    Disabled,
+    Stopped,
+    StoppedInJog,
+    Enable,
+    Held,
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 20, ..ProptestConfig::default() })]
+
+    /// Once outputs were made safe nothing but an M-code switches spindle and coolant on again: no S, no line, no program
+    /// that has none.
+    #[test]
+    fn what_was_made_safe_stays_off(
+        how in select(vec![Safe::Disabled, Safe::Stopped, Safe::StoppedInJog, Safe::Enable, Safe::Held]),
+        on in select(vec!["M3 S5000", "M4 S800\nM8", "M7", "M64 P1\nM3 S5000"]),
+        behind in select(vec!["S7000", "G91 G1 X1 F600 S900", "M9\nS200", "M65 P1\nS300"]),
+        runs: bool,
+        waits in 0..300usize,
+    ) {
+        let mut rig = staying_on();
+        rig.goes_on = false;
+        if let Safe::Held = how {
+            let text = "M64 P1\nM3 S6000\nG91 G1 X20 F1200\nG1 X-20\nM2\n";
+            let file = rig.folder.file("held.ngc", text);
+            rig.command(Command::Load(file));
+            rig.command(Command::Run { from_line: None });
+            for _ in 0..700 {
+                rig.step();
+            }
+            go(&mut rig, Command::FeedHold);
+            prop_assert_eq!(state(&rig), MachineState::Held);
+        }
+        go(&mut rig, Command::Mdi(on.to_owned()));
+        for _ in 0..waits {
+            rig.step();
+        }
+        match how {
+            Safe::Disabled => go(&mut rig, Command::Disable),
+            Safe::Stopped | Safe::Held => go(&mut rig, Command::Stop),
+            Safe::StoppedInJog => {
+                let (axis, distance, speed) = (AxisLetter::X, 5.0, Some(2.0));
+                rig.command(Command::Jog(Jog::By { axis, distance, speed }));
+                for _ in 0..40 {
+                    rig.step();
+                }
+                prop_assert_eq!(state(&rig), MachineState::Jogging);
+                go(&mut rig, Command::Stop);
+            }
+            Safe::Enable => {
+                set(&mut rig, ENABLE, false);
+                settle(&mut rig);
+                set(&mut rig, ENABLE, true);
+                settle(&mut rig);
+                go(&mut rig, Command::Reset);
+            }
+        }
+        prop_assert_eq!(outputs(&mut rig), SAFE, "{:?}", state(&rig));
+        if state(&rig) == MachineState::Disabled {
+            go(&mut rig, Command::Enable);
+        }
+        prop_assert_eq!(state(&rig), MachineState::Ready, "{:?}", rig.events);
+        prop_assert_eq!(outputs(&mut rig), SAFE);
+        if runs {
+            let file = rig.folder.file("then.ngc", &format!("{behind}\nG91 G1 X1 F600\nM2\n"));
+            rig.command(Command::Load(file));
+            rig.command(Command::Run { from_line: None });
+        } else {
+            rig.command(Command::Mdi(behind.to_owned()));
+        }
+        for _ in 0..400 {
+            rig.step();
+            let status = rig.session.status();
+            prop_assert_eq!(status.spindle.turning, Turning::Off);
+            prop_assert!(!status.coolant.flood && !status.coolant.mist);
+            let (_, [speed, ..]) = outputs(&mut rig);
+            prop_assert_eq!(speed, 0);
+        }
+        prop_assert_eq!(state(&rig), MachineState::Ready);
+    }
+
+    /// A typed line switches what it names, and nothing else: what is safe stays so.
+    #[test]
+    fn typed_lines_switch_what_they_name(
+        lines in prop::collection::vec(select(vec![
+            ("G91 G1 X1 F600", None), ("G1 X1e9 F100", None), ("G54", None), ("(MSG, x)", None), ("M3 S500", None),
+            ("M64 P1", Some((0, true))), ("M65 P1", Some((0, false))), ("M64 P2", Some((1, true))),
+            ("M65 P2", Some((1, false))), ("M62 P2", Some((1, true))),
+        ]), 1..6),
+    ) {
+        let mut rig = staying_on();
+        let mut on = [false, true];
+        for (line, switches) in lines {
+            go(&mut rig, Command::Mdi(line.to_owned()));
+            // At a motion, which does not come.
+            if let Some((output, switched)) = switches && !line.starts_with("M62") {
+                on[output] = switched;
+            }
+            prop_assert_eq!(&rig.session.status().outputs[..2], &on, "{}", line);
+            let (digital, analog) = outputs(&mut rig);
+            prop_assert_eq!((digital >> 9 & 1 == 0, analog[2]), (on[1], SAFE.1[2]), "{}", line);
+        }
+        go(&mut rig, Command::Stop);
+        prop_assert_eq!(outputs(&mut rig), SAFE);
+    }
+}
+
 /// Enabling switches nothing on that typed lines left on before the drives were disabled.
 #[test]
 fn enabling_switches_nothing_on() {
