@@ -235,9 +235,27 @@ fn letters(value: &str) -> Option<[bool; COORDINATES]> {
     Some(letters)
 }
 
-/// Commands in the order of their times.
+/// When a command is given.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum When {
+    /// At this time, s.
+    At(f64),
+    /// Once the machine rests, behind all that came before.
+    AtRest,
+}
+
+/// Whether there is a machine that stays on, at whose rest a command can be given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Plays {
+    /// A program, at the end of which the machine goes off.
+    Program,
+    /// A session, in which the machine stays on.
+    Session,
+}
+
+/// Commands in their order.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Events(VecDeque<(f64, Command)>);
+pub(super) struct Events(VecDeque<(When, Command)>);
 
 /// An events file that cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -268,23 +286,23 @@ pub(super) enum EventsError {
 
 impl Events {
     /// Reads a file: the header `t_s,event,value`, then one event a line. `t_s` is the time of the
-    /// trace, and does not go back; overrides have a percentage for value, jogs axes and numbers.
+    /// trace and does not go back; in a session it may be left out, for once the machine rests.
     ///
     /// # Errors
     /// It cannot be read, or the first line that is wrong.
-    pub(super) fn load(file: &Path) -> Result<Self, EventsError> {
+    pub(super) fn load(file: &Path, plays: Plays) -> Result<Self, EventsError> {
         let text = input::read_lines(file).map_err(|source| EventsError::Read {
             file: file.to_owned(),
             source,
         })?;
-        Self::parse(file, &text)
+        Self::parse(file, &text, plays)
     }
 
     /// The same from a text; `file` only names it in messages.
     ///
     /// # Errors
     /// The first line that is wrong.
-    pub(super) fn parse(file: &Path, text: &str) -> Result<Self, EventsError> {
+    pub(super) fn parse(file: &Path, text: &str, plays: Plays) -> Result<Self, EventsError> {
         let mut events = VecDeque::new();
         let mut before = 0.0;
         let header = |line: &str| line.split(',').map(str::trim).eq(["t_s", "event", "value"]);
@@ -316,11 +334,22 @@ impl Events {
                 return Err(refuse(line.chars().count(), problem));
             };
             let seconds = time.parse().ok().filter(|it: &f64| it.is_finite());
-            let seconds = seconds.filter(|it| *it >= before).ok_or_else(|| {
-                let problem = format!("`{time}` is no time: allowed: seconds from {before} on");
-                refuse(at, problem)
-            })?;
-            before = seconds;
+            let when = match seconds.filter(|it| *it >= before) {
+                Some(seconds) => {
+                    before = seconds;
+                    When::At(seconds)
+                }
+                None if time.is_empty() && plays == Plays::Session => When::AtRest,
+                None => {
+                    let or = match plays {
+                        Plays::Program => "",
+                        Plays::Session => ", or nothing: once the machine rests",
+                    };
+                    let problem =
+                        format!("`{time}` is no time: allowed: seconds from {before} on{or}");
+                    return Err(refuse(at, problem));
+                }
+            };
             known(event).map_err(|problem| refuse(event_at, problem))?;
             let (value_at, value) = match rest {
                 [] => (line.chars().count(), ""),
@@ -330,21 +359,30 @@ impl Events {
                 }
             };
             let command = command(event, value).map_err(|problem| refuse(value_at, problem))?;
-            events.push_back((seconds, command));
+            events.push_back((when, command));
         }
         Ok(Self(events))
     }
 
-    /// How many have not come, and the time of the first.
-    pub(super) fn left(&self) -> Option<(f64, usize)> {
-        let (time, _) = self.0.front()?;
-        Some((*time, self.0.len()))
+    /// How many have not come, and when the first was to.
+    pub(super) fn left(&self) -> Option<(When, usize)> {
+        let (when, _) = self.0.front()?;
+        Some((*when, self.0.len()))
     }
 
-    /// The next command, if it is due at this time, s.
-    pub(super) fn due(&self, now: f64) -> Option<Command> {
-        let (at, command) = self.0.front()?;
-        (*at <= now).then(|| command.clone())
+    /// The next command.
+    pub(super) fn next(&self) -> Option<&Command> {
+        self.0.front().map(|(_, command)| command)
+    }
+
+    /// The next command, if it is due at this time, s, at which the machine rests or not.
+    pub(super) fn due(&self, now: f64, rests: bool) -> Option<&Command> {
+        let (when, command) = self.0.front()?;
+        let is_due = match when {
+            When::At(at) => *at <= now,
+            When::AtRest => rests,
+        };
+        is_due.then_some(command)
     }
 
     /// The next command has been given.
@@ -356,19 +394,25 @@ impl Events {
 /// Any file of events: its commands can be told to a session, or its first mistake to a person.
 #[cfg(fuzzing)]
 pub fn fuzz(text: &str) {
-    match Events::parse(Path::new("events.csv"), text) {
-        Ok(mut events) => {
-            while let Some((time, _)) = events.left() {
-                let command = events.due(time).expect("it is due at its time");
-                let _ = serde_json::to_string(&command).expect("a log can keep it");
-                events.pass();
+    for plays in [Plays::Program, Plays::Session] {
+        match Events::parse(Path::new("events.csv"), text, plays) {
+            Ok(mut events) => {
+                while let Some((when, _)) = events.left() {
+                    let (now, rests) = match when {
+                        When::At(time) => (time, false),
+                        When::AtRest => (0.0, true),
+                    };
+                    let command = events.due(now, rests).expect("it is due then");
+                    let _ = serde_json::to_string(command).expect("a log can keep it");
+                    events.pass();
+                }
             }
+            Err(error) => assert!(error.to_string().starts_with("events.csv:")),
         }
-        Err(error) => assert!(error.to_string().starts_with("events.csv:")),
     }
 }
 
-/// The fields of a line, each with its column from 0.
+/// The fields of a line, each with its column from 0. In blocks and files' names commas are as good as other signs.
 fn fields(line: &str) -> Vec<(usize, &str)> {
     let mut at = 0;
     let of = |field| {
@@ -377,7 +421,12 @@ fn fields(line: &str) -> Vec<(usize, &str)> {
         at += field.chars().count() + 1;
         (start, trimmed.trim_end())
     };
-    line.split(',').map(of).collect()
+    let is_text = |event: &str| matches!(event.trim(), "mdi" | "load");
+    let most = match line.split(',').nth(1) {
+        Some(event) if is_text(event) => 3,
+        _ => usize::MAX,
+    };
+    line.splitn(most, ',').map(of).collect()
 }
 
 #[cfg(test)]
@@ -385,7 +434,7 @@ mod tests {
     use super::*;
 
     fn parse(text: &str) -> Result<Events, EventsError> {
-        Events::parse(Path::new("e.csv"), text)
+        Events::parse(Path::new("e.csv"), text, Plays::Program)
     }
 
     #[test]
@@ -393,7 +442,7 @@ mod tests {
         let text = "t_s,event,value\r\n0.5, feed_hold,\n0.5,feed_override, 120\n\n2,resume\n";
         let mut events = parse(text).unwrap();
         let mut next = |now| {
-            let due = events.due(now)?;
+            let due = events.due(now, true)?.clone();
             events.pass();
             Some(due)
         };
@@ -406,6 +455,26 @@ mod tests {
     }
 
     #[test]
+    fn in_a_session_commands_may_wait_for_rest() {
+        let text = "t_s,event,value\n,home,\n2,mdi,G0 X1 (MSG, there)\n,run,\n";
+        assert!(parse(text).is_err());
+        let mut events = Events::parse(Path::new("e.csv"), text, Plays::Session).unwrap();
+        let mut next = |now, rests| {
+            let due = events.due(now, rests)?.clone();
+            events.pass();
+            Some(due)
+        };
+        assert_eq!(next(5.0, false), None);
+        assert_eq!(next(0.0, true), Some(Command::Home([false; COORDINATES])));
+        assert_eq!(next(1.9, true), None);
+        let lines = "G0 X1 (MSG, there)".to_owned();
+        assert_eq!(next(2.0, false), Some(Command::Mdi(lines)));
+        assert_eq!(next(9.0, false), None);
+        assert_eq!(next(2.0, true), Some(Command::Run { from_line: None }));
+        assert_eq!(next(9.0, true), None);
+    }
+
+    #[test]
     fn switches_are_on_or_off() {
         let text = "t_s,event,value\n1,single_block,on\n1,optional_stop, off\n";
         let mut events = parse(text).unwrap();
@@ -413,7 +482,7 @@ mod tests {
             Command::SingleBlock(SwitchChange::To(true)),
             Command::OptionalStop(SwitchChange::To(false)),
         ] {
-            assert_eq!(events.due(1.0), Some(command));
+            assert_eq!(events.due(1.0, false), Some(&command));
             events.pass();
         }
     }
@@ -422,7 +491,7 @@ mod tests {
     fn jogs_have_axes_and_numbers() {
         let command = |event: &str| {
             let text = format!("t_s,event,value\n0,{event}\n");
-            parse(&text).ok()?.due(0.0)
+            parse(&text).ok()?.due(0.0, false).cloned()
         };
         let axis = AxisLetter::X;
         for (event, jog) in [

@@ -53,6 +53,7 @@ mod repeats;
 mod replay;
 mod run;
 mod scan;
+mod scripted;
 mod sdo;
 mod shard;
 mod state_keeper;

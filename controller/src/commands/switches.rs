@@ -13,18 +13,18 @@ const LONGEST: u64 = 1 << 28;
 #[derive(Debug, clap::Args)]
 pub(super) struct Switches {
     /// Begin with the optional stop on: the program waits at M1.
-    #[arg(long)]
+    #[arg(long, requires = "program")]
     optional_stop: bool,
     /// Execute blocks that begin with `/` instead of skipping them.
-    #[arg(long)]
+    #[arg(long, requires = "program")]
     no_block_delete: bool,
     /// Begin at this line, with the modes and the position that the lines before it lead to. They
     /// are shown; `run` begins when they are confirmed with Enter.
-    #[arg(long, value_name = "LINE", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "LINE", requires = "program", value_parser = clap::value_parser!(u32).range(1..))]
     from_line: Option<u32>,
     /// Read the program as it runs, without end if need be, instead of checking it as a whole
     /// first: a bad block is a stop on the path when the machine comes to it.
-    #[arg(long)]
+    #[arg(long, requires = "program")]
     stream: bool,
 }
 

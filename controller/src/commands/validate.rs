@@ -1,11 +1,12 @@
 //! `syncline validate`: proof before metal moves.
 
 use super::command_log::{CommandFile, CommandLog};
-use super::events::Events;
+use super::events::{Events, Plays, When};
 use super::log_files::{LogFiles, Logs};
 use super::output::{Claims, Output, Results, Target};
 use super::progress::Way;
 use super::repeats::{self, Repeats};
+use super::scripted::Scripted;
 use super::switches::Switches;
 use super::trajectory::Trajectory;
 use super::{Exit, report};
@@ -41,7 +42,7 @@ pub(super) struct Args {
     /// Machine file (TOML).
     machine: PathBuf,
     /// Part program (RS-274/NGC).
-    #[arg(required_unless_present = "trajectory")]
+    #[arg(required_unless_present_any = ["trajectory", "events"])]
     program: Option<PathBuf>,
     #[command(flatten)]
     trajectory: Trajectory,
@@ -66,11 +67,14 @@ pub(super) struct Args {
     tables: Option<PathBuf>,
     /// What an operator does, as CSV with the columns `t_s,event,value`: feed_override and
     /// rapid_override (%), feed_hold, resume, single_block and optional_stop (on, off), retrace,
-    /// jog (X+1.5 or X-), jog_to, move_to (X10 Y20), stop, at times of the trace.
+    /// jog (X+1.5 or X-), jog_to, move_to (X10 Y20), stop, at times of the trace. Without PROGRAM the
+    /// machine stays on as at a console, for home, mdi, load, run and all that `?` lists there; an
+    /// event without a time comes once the machine rests, and behind the last one it is switched
+    /// off. Then nothing goes on by itself, and nothing is kept for the next day.
     #[arg(long, value_name = "FILE")]
     events: Option<PathBuf>,
     /// Say what bounds the time of motion: the program is planned once more with each bound raised.
-    #[arg(long, conflicts_with = "stream")]
+    #[arg(long, conflicts_with = "stream", requires = "program")]
     time_bounds: bool,
     /// Tell what the controller does.
     #[arg(short, long)]
@@ -104,11 +108,15 @@ impl Args {
             );
             return judged.unwrap_or_else(|error| super::bad_input(&*error));
         }
-        let prepared = match self.prepare() {
-            Ok(prepared) => prepared,
+        let validated = match (&self.program, &self.events) {
+            (None, Some(events)) => self.play(events),
+            _ => self.prepare().map(|prepared| self.validate(prepared)),
+        };
+        let result = match validated {
+            Ok(result) => result,
             Err(error) => return super::bad_input(&*error),
         };
-        match self.validate(prepared) {
+        match result {
             Ok(summary) if summary.verdict == "pass" => Exit::Finished,
             Ok(_) => Exit::Stopped,
             Err(error) => {
@@ -116,6 +124,22 @@ impl Args {
                 Exit::Stopped
             }
         }
+    }
+
+    /// The session of a file of events.
+    fn play(&self, events: &Path) -> Result<Result<Summary, Box<dyn Error>>, Box<dyn Error>> {
+        let scripted = Scripted {
+            machine: &self.machine,
+            settings: &self.settings,
+            tables: self.tables.as_deref(),
+            events,
+            seed: self.seed,
+            verbose: self.verbose,
+            output: &self.output,
+            commands: &self.commands,
+            log: &self.log,
+        };
+        scripted.play()
     }
 
     /// The program, which is there unless a trajectory is.
@@ -140,7 +164,7 @@ impl Args {
         let events = match &self.events {
             Some(file) => {
                 claims = claims.reads("--events", file);
-                Events::load(file)?
+                Events::load(file, Plays::Program)?
             }
             None => Events::default(),
         };
@@ -316,9 +340,9 @@ impl Script {
         if !status.waits || status.velocity.iter().any(|it| *it != 0.0) {
             self.last_moved = self.last_moved.max(time);
         }
-        while let Some(command) = self.events.due(time) {
+        while let Some(command) = self.events.due(time, false) {
             self.last_moved = time;
-            match self.operator.command(command) {
+            match self.operator.command(command.clone()) {
                 Err(NotTaken::Busy) => return Ok(()),
                 taken => taken?,
             }
@@ -334,13 +358,21 @@ impl Script {
 
     /// Tells what did not come.
     fn tell_left(&self) {
-        if let Some((time, count)) = self.events.left() {
-            let (events, come) = if count == 1 {
-                ("event", "comes")
-            } else {
-                ("events", "come")
-            };
-            eprintln!("{count} {events} from {time} s on never {come}: the run is over before");
+        if let Some(left) = self.events.left() {
+            eprintln!("{}", never_come(left));
         }
     }
+}
+
+/// What is told of events that did not come, with when the first of them was to.
+pub(super) fn never_come((when, count): (When, usize)) -> String {
+    let from = match when {
+        When::At(time) => format!(" from {time} s on"),
+        When::AtRest => String::new(),
+    };
+    let (events, come) = match count {
+        1 => ("event", "comes"),
+        _ => ("events", "come"),
+    };
+    format!("{count} {events}{from} never {come}: the run is over before")
 }

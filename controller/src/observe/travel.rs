@@ -4,6 +4,9 @@ use super::Observed;
 use crate::machine::Position;
 use crate::program::moved;
 
+/// What no step back along the path is that leaves the axes where they are, mm or degrees.
+const LEAST: f64 = 1e-6;
+
 /// Path and time of a run so far.
 #[derive(Debug, Default)]
 pub(super) struct Travel {
@@ -94,11 +97,20 @@ impl Travel {
     fn measure(&mut self, observed: &Observed, (speed, turns): (f64, bool)) {
         let row = observed.row;
         let Last {
-            distance,
+            mut distance,
             position,
             shares: before,
             ..
         } = self.last;
+        let gone = row.plan.distance - distance;
+        let moved_by: f64 = (row.plan.position.iter().zip(position))
+            .map(|(now, before)| (now - before).abs())
+            .sum();
+        if gone < -(2.0 * moved_by + LEAST) {
+            // Not back along the path: another job counts from 0.
+            self.besides -= distance;
+            distance = 0.0;
+        }
         let distance = row.plan.distance - distance;
         let mut shares = before;
         if row.plan.speed > 0.0 {

@@ -53,14 +53,36 @@ impl VirtualMachine {
         program: Program,
         seed: u64,
     ) -> Result<(Self, Moves), PortError> {
-        let frames = SharedFrames::new(machine);
-        let observers =
-            (0..machine.buses.len()).map(|bus| Some(Box::new(frames.observer(bus)) as Observer));
-        let simulated = Simulated::new(machine, seed, observers, |_, _| ())?;
-        let ports = simulated.buses.iter().flatten();
-        let ports = ports.map(|bus| SimPort::new(*bus)).collect();
-        Ok(Self::on(simulated.world, ports, layout, program, frames))
+        let (world, ports, frames) = simulated(machine, seed)?;
+        Ok(Self::on(world, ports, layout, program, frames))
     }
+
+    /// One that has just been switched on and stays on, and whose jobs come one by one.
+    ///
+    /// # Errors
+    /// If a bus cannot be simulated.
+    pub fn switched_on(
+        machine: &Machine,
+        layout: Arc<Layout>,
+        seed: u64,
+    ) -> Result<Self, PortError> {
+        let (world, ports, frames) = simulated(machine, seed)?;
+        Ok(Self::staying_on(world, ports, layout, frames))
+    }
+}
+
+/// The simulated world of a machine, with the controller's ports, and what its buses carry.
+fn simulated(
+    machine: &Machine,
+    seed: u64,
+) -> Result<(World, Vec<SimPort>, SharedFrames), PortError> {
+    let frames = SharedFrames::new(machine);
+    let observers =
+        (0..machine.buses.len()).map(|bus| Some(Box::new(frames.observer(bus)) as Observer));
+    let simulated = Simulated::new(machine, seed, observers, |_, _| ())?;
+    let ports = simulated.buses.iter().flatten();
+    let ports = ports.map(|bus| SimPort::new(*bus)).collect();
+    Ok((simulated.world, ports, frames))
 }
 
 impl<P: Port> VirtualMachine<P> {

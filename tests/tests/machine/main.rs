@@ -62,6 +62,7 @@ mod results;
 mod resumed;
 mod resumed_homing;
 mod run;
+mod scripted;
 mod shaper;
 mod signals;
 mod soak;

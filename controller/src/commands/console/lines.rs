@@ -58,13 +58,8 @@ pub(super) fn listen(
         model,
         machine: machine.clone(),
     };
-    let teller = Teller {
-        events: session.subscribe(),
-        view: session.view(),
-        machine,
-        layout,
-        verbose,
-    };
+    let events = session.subscribe();
+    let teller = Teller::new(session, machine, layout, verbose);
     let spawn = |name: &str| thread::Builder::new().name(name.into());
     spawn("input").spawn(move || {
         for line in io::stdin().lines().map_while(Result::ok) {
@@ -74,7 +69,13 @@ pub(super) fn listen(
         }
     })?;
     spawn("lines").spawn(move || reader.read_all())?;
-    spawn("console").spawn(move || teller.tell_all())
+    spawn("console").spawn(move || {
+        while let Ok(event) = events.wait(Duration::MAX) {
+            if let Some(text) = event.and_then(|event| teller.text(&event)) {
+                println!("{text}");
+            }
+        }
+    })
 }
 
 /// Obeys lines.
@@ -288,9 +289,8 @@ fn listed(status: &Status, machine: &Machine) -> String {
     format!("{text}\n{}", status.state.way_on())
 }
 
-/// Tells what happens.
-struct Teller {
-    events: Subscription,
+/// What happens, in words.
+pub(in crate::commands) struct Teller {
     view: StatusView,
     machine: Machine,
     layout: Arc<Layout>,
@@ -298,16 +298,23 @@ struct Teller {
 }
 
 impl Teller {
-    /// Until the session is over.
-    fn tell_all(self) {
-        while let Ok(event) = self.events.wait(Duration::MAX) {
-            if let Some(text) = event.and_then(|event| self.text(&event)) {
-                println!("{text}");
-            }
+    /// Of a session.
+    pub(in crate::commands) fn new(
+        session: &Session<impl Timeline>,
+        machine: Machine,
+        layout: Arc<Layout>,
+        verbose: bool,
+    ) -> Self {
+        Self {
+            view: session.view(),
+            machine,
+            layout,
+            verbose,
         }
     }
 
-    fn text(&self, event: &Event) -> Option<String> {
+    /// The line of an event that is worth one.
+    pub(in crate::commands) fn text(&self, event: &Event) -> Option<String> {
         match event {
             Event::State(state @ (State::Ready | State::Held)) => {
                 let status = Status {

@@ -7,6 +7,8 @@ mod signals;
 mod values;
 mod view;
 
+pub(super) use lines::Teller;
+
 use super::command_log::{CommandFile, CommandLog};
 use super::log_files::LogFiles;
 use super::output::Claims;

@@ -1,0 +1,272 @@
+//! A working day by a file of events: a machine that stays on in virtual time.
+
+use proptest::prelude::*;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use syncline_tests::command::{Folder, ended, machine_file, root, syncline};
+
+/// What `validate` makes of a day: its exit code, JSON and what it told.
+struct Day {
+    folder: Folder,
+    code: i32,
+    json: Value,
+    told: String,
+}
+
+impl Day {
+    fn play(machine: &Path, events: &Path, more: &[&str]) -> Self {
+        let folder = Folder::new();
+        let output = syncline()
+            .args(["validate", "--json", "-", "--events"])
+            .args([events, machine])
+            .args([Path::new("--commands"), &folder.path("commands")])
+            .args([Path::new("--candump"), &folder.path("log")])
+            .args(more)
+            .output()
+            .unwrap();
+        let (code, json, told) = ended(&output);
+        Self {
+            code,
+            json: serde_json::from_str(json).unwrap_or_else(|_| panic!("{told}{json}")),
+            told: told.to_owned(),
+            folder,
+        }
+    }
+
+    fn of(machine: &Path, events: &str, more: &[&str]) -> Self {
+        let folder = Folder::new();
+        let events = folder.file("day.csv", &format!("t_s,event,value\n{events}"));
+        Self::play(machine, &events, more)
+    }
+
+    fn number(&self, pointer: &str) -> f64 {
+        let number = self.json.pointer(pointer).and_then(Value::as_f64);
+        number.unwrap_or_else(|| panic!("no number {pointer} in {:#}", self.json))
+    }
+
+    fn frames(&self) -> &str {
+        self.json["frames_sha256"].as_str().unwrap()
+    }
+
+    /// Exit code and output of its replay.
+    fn replay(&self, machine: &Path) -> (i32, String) {
+        let output = syncline()
+            .args([Path::new("replay"), &self.folder.path("log"), machine])
+            .args([Path::new("--commands"), &self.folder.path("commands")])
+            .output()
+            .unwrap();
+        let (code, text, errors) = ended(&output);
+        (code, format!("{text}{errors}"))
+    }
+
+    /// What was told, each once and in this order.
+    fn assert_told(&self, texts: &[&str]) {
+        let mut rest = &*self.told;
+        for text in texts {
+            let Some((_, behind)) = rest.split_once(text) else {
+                panic!("no {text:?} behind what was before, in\n{}", self.told);
+            };
+            rest = behind;
+        }
+    }
+}
+
+#[test]
+fn the_day_of_the_example() {
+    let machine = machine_file("router");
+    let events = root().join("examples/router/day.csv");
+    let day = Day::play(&machine, &events, &[]);
+    assert_eq!(day.code, 0, "{}", day.told);
+    assert_eq!(day.json["verdict"], "pass");
+    assert_eq!(day.json["outcome"], "switched off");
+    day.assert_told(&[
+        "ready (unreferenced)",
+        "homing",
+        "axis X is homed",
+        "jogging",
+        "ready: work X",
+        "MDI",
+        "touched off",
+        "running",
+        "14.092 s  feed hold",
+        "held",
+        "running",
+        "disabled",
+        "starting",
+        "ready: work X",
+        "MDI",
+        "running",
+        "ready: work X",
+        "off",
+    ]);
+    assert!(day.number("/times/jogging_s") > 9.0, "{:#}", day.json);
+    let again = Day::play(&machine, &events, &[]);
+    assert_eq!(again.frames(), day.frames());
+    let other = Day::play(&machine, &events, &["--seed", "7"]);
+    assert_ne!(other.frames(), day.frames());
+    let (code, text) = day.replay(&machine);
+    assert_eq!(code, 0, "{text}");
+}
+
+#[test]
+fn paths_of_all_jobs_add_up() {
+    let machine = machine_file("portal");
+    let folder = Folder::new();
+    let square = "G1 X40 F6000\nY30\nG0 X0 Y0\nM2\n";
+    let square = folder.file("square.ngc", square);
+    let length = |more: &str| {
+        let events = format!(
+            ",load,{}\n,mdi,G0 X0 Y0 Z0\n,run,\n{more}",
+            square.display()
+        );
+        let day = Day::of(&machine, &events, &[]);
+        assert_eq!(day.code, 0, "{}", day.told);
+        day.number("/path/length_mm")
+    };
+    // Out, up and back across, but for what ends within a job's last cycle; what is retraced comes off and on again.
+    let more = length(",mdi,G1 Z-5 F1200\n,run,\n") - length("");
+    assert!((more - 125.0).abs() < 0.01, "{more}");
+    let held = length(",run,\n,feed_hold,\n,retrace,\n,resume,\n") - length("");
+    assert!((held - 120.0).abs() < 0.01, "{held}");
+}
+
+#[test]
+fn behind_a_fault_the_day_goes_on_and_fails() {
+    let machine = machine_file("portal");
+    let day = Day::of(
+        &machine,
+        ",mdi,G0 X30\n,mdi,G0 X0\n,reset,\n,mdi,G0 Y5\n",
+        &["--set", "axis.X.following_error_limit=0.001"],
+    );
+    assert_eq!(day.code, 1, "{}", day.told);
+    assert_eq!(day.json["verdict"], "fail");
+    let outcome = day.json["outcome"].as_str().unwrap();
+    assert!(
+        outcome.starts_with("switched off, after a fault: ") && outcome.contains("8611h"),
+        "{outcome}"
+    );
+    // What cannot begin in a fault is told.
+    day.assert_told(&[
+        "MDI",
+        "stopped by a fault",
+        "refused: ",
+        "ready",
+        "MDI",
+        "ready",
+        "off",
+    ]);
+}
+
+#[test]
+fn what_is_left_and_what_is_held_is_told() {
+    let machine = machine_file("portal");
+    let day = Day::of(&machine, ",run,\n,mdi,G1 X40 F1200\n0.8,feed_hold,\n", &[]);
+    day.assert_told(&[
+        "refused: no program is loaded",
+        "held",
+        "the events end while a job is held: stopped",
+        "off",
+    ]);
+    let day = Day::of(&machine, ",switch_off,\n9,home,\n", &[]);
+    day.assert_told(&["off", "1 event from 9 s on never comes"]);
+}
+
+#[test]
+fn what_is_of_a_program_needs_one() {
+    let machine = machine_file("portal");
+    let folder = Folder::new();
+    let events = folder.file("day.csv", "t_s,event,value\n,home,\n");
+    for option in ["--report", "--from-line", "--stream", "--time-bounds"] {
+        let mut command = syncline();
+        command
+            .args(["validate", "--events"])
+            .args([&events, &machine]);
+        command.arg(option);
+        match option {
+            "--report" => command.arg(folder.path("r.html")),
+            "--from-line" => command.arg("3"),
+            _ => &mut command,
+        };
+        let output = command.output().unwrap();
+        let (code, _, errors) = ended(&output);
+        assert!(
+            code == 2 && errors.contains("<PROGRAM>"),
+            "{code}: {errors}"
+        );
+    }
+    // In a program's events nothing waits for rest.
+    let program = folder.file("p.ngc", "G0 X1\nM2\n");
+    let output = syncline()
+        .args(["validate", "--events"])
+        .args([&events, &machine, &program])
+        .output()
+        .unwrap();
+    let (code, _, errors) = ended(&output);
+    assert!(
+        code == 2 && errors.contains(":2:1: `` is no time"),
+        "{errors}"
+    );
+}
+
+/// Whatever an operator may do on a portal, sensible or not.
+fn deed(program: PathBuf) -> impl Strategy<Value = String> {
+    let program = program.display().to_string();
+    prop_oneof![
+        Just("home,".to_owned()),
+        Just("mdi,G1 X20 Y10 F6000".to_owned()),
+        Just("mdi,G0 Z-5\\;G4 P0.2".replace('\\', "")),
+        Just("mdi,M0".to_owned()),
+        Just("mdi,G1 X1e".to_owned()),
+        Just(format!("load,{program}")),
+        Just("load,nothing.ngc".to_owned()),
+        Just("run,".to_owned()),
+        Just("run,2".to_owned()),
+        Just("feed_hold,".to_owned()),
+        Just("resume,".to_owned()),
+        Just("cycle_start,".to_owned()),
+        Just("retrace,".to_owned()),
+        Just("jog,X+3".to_owned()),
+        Just("jog,Y- F600".to_owned()),
+        Just("go_to,X5 Y5".to_owned()),
+        Just("set_offset,X0 Y0".to_owned()),
+        Just("single_block,on".to_owned()),
+        Just("single_block,off".to_owned()),
+        Just("feed_override,0".to_owned()),
+        Just("feed_override,150".to_owned()),
+        Just("rapid_override,0".to_owned()),
+        Just("rapid_override,100".to_owned()),
+        Just("stop,".to_owned()),
+        Just("enable,".to_owned()),
+        Just("disable,".to_owned()),
+        Just("reset,".to_owned()),
+        Just("switch_off,".to_owned()),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 6, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// A day of any deeds comes to its end, inside the limits, and is replayed bit for bit.
+    #[test]
+    fn any_day_ends(seed in 0..100_u32, deeds in {
+        let program = root().join("examples/portal/corners.ngc");
+        prop::collection::vec((prop::option::of(0.0..0.7_f64), deed(program)), 1..10)
+    }) {
+        let machine = machine_file("portal");
+        let (mut at, mut events) = (0.0, String::new());
+        for (apart, deed) in deeds {
+            match apart {
+                Some(apart) => {
+                    at += apart;
+                    events += &format!("{at:.3},{deed}\n");
+                }
+                None => events += &format!(",{deed}\n"),
+            }
+        }
+        let day = Day::of(&machine, &events, &["--seed", &seed.to_string()]);
+        prop_assert_eq!(&day.json["verdict"], "pass", "{}\n{}{:#}", events, day.told, day.json);
+        prop_assert_eq!(day.code, 0);
+        let (code, text) = day.replay(&machine);
+        prop_assert_eq!(code, 0, "{}\n{}", events, text);
+    }
+}
