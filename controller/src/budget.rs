@@ -1,5 +1,6 @@
 //! Whether a machine's frames fit its cycle: each bus's budget, and when the setpoints leave.
 
+use crate::bus::BURST_CAPACITY;
 use crate::machine::{Machine, Node, Seat};
 use std::fmt;
 use std::ops::RangeInclusive;
@@ -51,6 +52,8 @@ pub struct MachineBudget {
     /// From SYNC to receiving, supervising and sending the setpoints: the machine file's, or the
     /// latest of the buses' defaults.
     pub setpoint_offset: Duration,
+    /// Whether the machine file says that.
+    is_stated: bool,
     /// From SYNC, the last instant at which every bus's burst still begins before the next one.
     pub latest_burst: Duration,
 }
@@ -124,7 +127,42 @@ pub enum DoesNotFit {
         /// The most that it may say.
         latest: Duration,
     },
+    /// Setpoints leave all buses at once, and one has them leave later than another one has time for.
+    #[error(
+        "bus {bus}: its setpoints must leave {latest} µs after SYNC, and the T_PDOs of bus {other} may arrive until {needed} µs; \
+         take a longer cycle, a higher bit rate for {other}, or make either of them less busy",
+        latest = .latest.as_micros(), needed = .needed.as_micros()
+    )]
+    Apart {
+        /// As the machine file names it.
+        bus: String,
+        /// When its setpoints have to leave at the latest.
+        latest: Duration,
+        /// Another one, as the machine file names it …
+        other: String,
+        /// … and until when its T_PDOs may arrive.
+        needed: Duration,
+    },
+    /// A bus has more devices than the controller talks to in a cycle.
+    #[error(
+        "bus {bus}: {devices} devices with {r_pdos} R_PDOs; at most {most} and {r_pdos_most}: take another bus for some of them"
+    )]
+    TooMany {
+        /// As the machine file names it.
+        bus: String,
+        /// On it.
+        devices: usize,
+        /// Of them.
+        r_pdos: usize,
+        /// Devices at the most.
+        most: usize,
+        /// R_PDOs at the most.
+        r_pdos_most: usize,
+    },
 }
+
+/// Devices on a bus at the most: in one cycle each may be told an NMT command and asked by SDO, beside a heartbeat.
+const MOST_DEVICES: usize = (BURST_CAPACITY - 1) / 2;
 
 impl MachineBudget {
     /// A machine's budget, whether it fits or not.
@@ -142,6 +180,7 @@ impl MachineBudget {
         }
         Self {
             setpoint_offset,
+            is_stated: stated.is_some(),
             latest_burst: latest.unwrap_or(machine.cycle),
             buses,
         }
@@ -166,6 +205,21 @@ impl MachineBudget {
     /// The first bus that does not fit, with the arithmetic and what would.
     pub fn check(&self) -> Result<(), DoesNotFit> {
         for bus in &self.buses {
+            let nodes = &bus.traffic.nodes;
+            let pdos = nodes.iter().flat_map(|node| &node.pdos);
+            let r_pdos = pdos
+                .filter(|pdo| pdo.direction == Direction::Receive)
+                .count();
+            let devices = nodes.len();
+            if devices > MOST_DEVICES || r_pdos > BURST_CAPACITY {
+                return Err(DoesNotFit::TooMany {
+                    bus: bus.bus.clone(),
+                    devices,
+                    r_pdos,
+                    most: MOST_DEVICES,
+                    r_pdos_most: BURST_CAPACITY,
+                });
+            }
             if bus.budget.verdict == Verdict::DoesNotFit {
                 return Err(DoesNotFit::Bus {
                     bus: bus.bus.clone(),
@@ -173,8 +227,23 @@ impl MachineBudget {
                     advice: bus.advice(),
                 });
             }
+        }
+        let mut others = self.buses.iter();
+        let latest = others.find(|it| it.budget.setpoint_offset == self.setpoint_offset);
+        for bus in &self.buses {
             let earliest = bus.budget.t_pdos_in.min(bus.budget.setpoint_offset);
             let allowed = earliest..=bus.budget.latest_offset;
+            if !allowed.contains(&self.setpoint_offset)
+                && !self.is_stated
+                && let Some(other) = latest
+            {
+                return Err(DoesNotFit::Apart {
+                    bus: bus.bus.clone(),
+                    latest: bus.budget.latest_offset,
+                    other: other.bus.clone(),
+                    needed: other.budget.t_pdos_in,
+                });
+            }
             if !allowed.contains(&self.setpoint_offset) {
                 return Err(DoesNotFit::Offset {
                     bus: bus.bus.clone(),
@@ -520,6 +589,45 @@ mod tests {
                 "{offset}: {:?}",
                 budget.check()
             );
+        }
+    }
+
+    /// Two buses of which one is slow: it is the one that is told, and no key that is not there.
+    #[test]
+    fn the_bus_that_does_not_fit_is_told() {
+        let machine = |bitrate| {
+            let mut machine = machine(4, 2000, "");
+            let mut slow = machine.buses[0].clone();
+            (slow.name, slow.bitrate) = ("slow".to_owned(), bitrate);
+            machine.buses.push(slow);
+            for drive in &mut machine.drives[2..] {
+                drive.bus = 1;
+            }
+            MachineBudget::of(&machine).check()
+        };
+        assert_eq!(machine(1_000_000), Ok(()));
+        for bitrate in [125_000, 250_000] {
+            let told = machine(bitrate).unwrap_err().to_string();
+            assert!(told.starts_with("bus slow: "), "{told}");
+        }
+        // In between either fits alone, and both together do not.
+        let apart = (260_000..1_000_000).step_by(10_000).map(machine);
+        for told in apart.filter_map(Result::err).map(|it| it.to_string()) {
+            assert!(told.contains("bus slow"), "{told}");
+            assert!(!told.contains("setpoint_offset_us"), "{told}");
+        }
+    }
+
+    #[test]
+    fn more_devices_than_the_controller_talks_to_in_a_cycle_are_refused() {
+        let mut machine = machine(6, 100_000, "");
+        let mut drive = machine.drives[5].clone();
+        for node in 7..=40 {
+            drive.node = syncline_canopen::NodeId::new(node).unwrap();
+            machine.drives.push(drive.clone());
+            let fits = MachineBudget::of(&machine).check();
+            let told = matches!(fits, Err(DoesNotFit::TooMany { .. }));
+            assert_eq!(told, node > 31, "{fits:?}");
         }
     }
 
