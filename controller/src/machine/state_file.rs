@@ -7,7 +7,9 @@
 //! not to be edited: whoever wants an axis homed again homes it.
 
 use super::{Axis, Drive, Machine};
+use serde::de::Error as _;
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
@@ -21,6 +23,32 @@ use thiserror::Error;
 pub struct MachineState {
     /// By the names of the drives.
     drives: BTreeMap<String, DriveState>,
+}
+
+/// The file: the state, and what shows that it is as it was written.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct StateFile {
+    /// The SHA-256 of the state as JSON on one line.
+    sha256: String,
+    state: MachineState,
+}
+
+impl StateFile {
+    fn of(state: MachineState) -> serde_json::Result<Self> {
+        let digest = Sha256::digest(serde_json::to_string(&state)?);
+        let sha256 = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+        Ok(Self { sha256, state })
+    }
+
+    /// The state, if nobody has changed it since it was written.
+    fn open(self) -> serde_json::Result<MachineState> {
+        let written = Self::of(self.state)?;
+        match written.sha256 == self.sha256 {
+            true => Ok(written.state),
+            false => Err(serde_json::Error::custom("its SHA-256 is another one")),
+        }
+    }
 }
 
 /// What is known of a drive.
@@ -121,10 +149,13 @@ impl MachineState {
     /// It cannot be read, or is none.
     pub fn load(file: &Path) -> Result<Self, StateError> {
         match fs::read_to_string(file) {
-            Ok(text) => serde_json::from_str(&text).map_err(|source| StateError::Broken {
-                file: file.to_owned(),
-                source,
-            }),
+            Ok(text) => {
+                let state = serde_json::from_str(&text).and_then(StateFile::open);
+                state.map_err(|source| StateError::Broken {
+                    file: file.to_owned(),
+                    source,
+                })
+            }
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Self::default()),
             Err(source) => Err(StateError::Read {
                 file: file.to_owned(),
@@ -138,7 +169,8 @@ impl MachineState {
     /// # Errors
     /// It cannot be written; then it is as it was.
     pub fn save(&self, file: &Path) -> Result<(), StateError> {
-        let text = serde_json::to_string_pretty(self).map_err(io::Error::from);
+        let text = StateFile::of(self.clone()).and_then(|it| serde_json::to_string_pretty(&it));
+        let text = text.map_err(io::Error::from);
         let written = text.and_then(|text| replace(file, &(text + "\n")));
         written.map_err(|source| StateError::Write {
             file: file.to_owned(),

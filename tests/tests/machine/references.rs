@@ -199,6 +199,13 @@ fn a_state_file_is_the_old_one_or_the_new_one() {
     }
     fs::write(&file, text.replace("origin", "orgin")).unwrap();
     assert!(MachineState::load(&file).is_err());
+    // Nor is another digit of any number taken.
+    for (place, _) in text.match_indices(|it: char| it.is_ascii_digit()) {
+        let mut edited = text.clone().into_bytes();
+        edited[place] = b'0' + (edited[place] - b'0' + 1) % 10;
+        fs::write(&file, edited).unwrap();
+        assert!(MachineState::load(&file).is_err(), "{place}");
+    }
 }
 
 #[test]
