@@ -116,12 +116,27 @@ impl<const N: usize> Controller<N> {
         Ok(())
     }
 
+    /// Takes the power from drives that do not come to rest in a quick stop, whatever else is waited for: a spindle is given
+    /// the time of its ramp.
+    fn disable_what_goes_on(&mut self) {
+        let cycles = self.still_cycles();
+        let spindle = self.layout.spindle.as_ref().map(|it| it.drive);
+        for (drive, node) in self.nodes.iter_mut().enumerate() {
+            if node.is_quick_stopped() && node.still() < cycles && spindle != Some(drive) {
+                node.power = PowerCommand::Disable;
+            }
+        }
+    }
+
     /// On the way down, which goes on whatever fails.
     fn step_down(&mut self, out: &mut [Outbox]) {
         match self.phase {
             Phase::Stop => {
                 let settled = self.in_position >= self.still_cycles();
                 let waited = self.timed_out(self.layout.state_timeout);
+                if waited {
+                    self.disable_what_goes_on();
+                }
                 let squares = self.axes.iter().any(|axis| axis.squares(self.cycle));
                 let stopped = waited || self.quick_stops_rest();
                 // One that never rests is a fault in time, and quick-stopped by that.
@@ -146,6 +161,9 @@ impl<const N: usize> Controller<N> {
             Phase::QuickStop => {
                 let seen = self.cycle >= self.phase_cycle + COMMAND_CYCLES;
                 let waited = self.timed_out(self.layout.state_timeout);
+                if waited {
+                    self.disable_what_goes_on();
+                }
                 if seen && (waited && self.spindle_rests() || self.quick_stops_rest()) {
                     self.end_job(Outcome::Stopped);
                     self.enter(Phase::Disable, out);
