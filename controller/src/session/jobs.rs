@@ -114,14 +114,17 @@ impl Jobs {
         }
     }
 
-    /// Loads a program; it is read when it runs. One that was interrupted is given up.
-    pub(super) fn load(&mut self, file: &Path) -> Result<(), Refusal> {
+    /// Loads a program; it is read when it runs. One that was interrupted is given up, unless it waits in `state` to be
+    /// resumed.
+    pub(super) fn load(&mut self, file: &Path, state: State) -> Result<(), Refusal> {
         File::open(file).map_err(|error| Refusal::Unreadable {
             file: file.to_owned(),
             why: error.to_string(),
         })?;
         self.loaded = Some(file.to_owned());
-        self.interrupted = None;
+        if state != State::Held {
+            self.interrupted = None;
+        }
         Ok(())
     }
 

@@ -389,7 +389,7 @@ impl Desk {
         }
         match command {
             Command::Load(file) => {
-                jobs.load(file)?;
+                jobs.load(file, state)?;
                 self.show_programs();
                 Ok(Asked::Own)
             }
