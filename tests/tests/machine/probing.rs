@@ -571,6 +571,46 @@ proptest! {
     }
 }
 
+/// Where a probing turns round that is disturbed so many rows before it does so otherwise, and its contact.
+fn turns_at(before: usize, disturb: impl Fn(&mut Rig)) -> (usize, f64, Contact) {
+    let program = "G21 G90 G94\nG0 X-10 Y15 Z-15\nG0 Z-30\nG38.2 X5 F600\nM2\n";
+    let patient = ("[controller]\n", "[controller]\nt_pdo_misses = 5\n");
+    let extra = with(&wired(&ALL));
+    let mut rig = Rig::new("xyz", &[(HERE, &extra), patient], program, |_, _| ());
+    rig.run_to_row(before);
+    disturb(&mut rig);
+    let found = contacts(&mut rig);
+    let [contact] = found[..] else {
+        panic!("{:?}", rig.events);
+    };
+    let speed = |row: &Row<COORDINATES>| row.plan.velocity[0];
+    let cruises = rig.rows.iter().rposition(|row| speed(row) > 9.999_999);
+    let far = rig.rows.iter().map(|row| row.plan.position[0]);
+    (cruises.unwrap(), far.fold(f64::MIN, f64::max), contact)
+}
+
+/// The probe alone stops the axes: whoever else is not heard meanwhile, they go no further for it, and where the contact was
+/// is known to what was heard.
+#[test]
+fn a_contact_stops_whoever_is_not_heard() {
+    let (row, far, clean) = turns_at(100, |_| ());
+    for device in [1, 2] {
+        for before in [0, 1, 2, 4] {
+            let lose = |rig: &mut Rig| rig.twin(device).disturb(Disturbance::LoseTPdos(4));
+            let (_, without, contact) = turns_at(row - before, lose);
+            assert!(
+                without <= far + 1e-9,
+                "{device}, {before}: {without} beyond {far}"
+            );
+            let off = (contact.at[0] - clean.at[0]).abs();
+            assert!(
+                off <= contact.uncertainty + clean.uncertainty,
+                "{device}, {before}: {contact:?}"
+            );
+        }
+    }
+}
+
 /// How many contacts were told.
 fn contacts_told(rig: &Rig) -> usize {
     let probed = |event: &&Event| matches!(event, Event::Probed { found: Some(_), .. });

@@ -83,6 +83,8 @@ pub(super) struct Probing<const N: usize> {
     /// Where it begins, mm.
     from: [f64; N],
     samples: Samples<N>,
+    /// There has been contact, and where is known with the next sample of all axes.
+    touched: bool,
     /// Cycles that the axes had to settle, where the motion is over.
     settling: u64,
 }
@@ -96,6 +98,7 @@ impl<const N: usize> Probing<N> {
             paused: false,
             from: [0.0; N],
             samples: Samples::none(),
+            touched: false,
             settling: 0,
         }
     }
@@ -244,6 +247,7 @@ impl<const N: usize> Controller<N> {
             Stage::Idle => {}
             Stage::Arming if answered => {
                 self.probing.stage = Stage::Moving;
+                self.probing.touched = false;
                 self.move_on(&next);
             }
             Stage::Arming => {}
@@ -285,7 +289,8 @@ impl<const N: usize> Controller<N> {
     fn move_on(&mut self, next: &ProbeMove<N>) {
         let overrides = self.executor.overrides();
         let speed = next.speed * overrides.feed.min(1.0);
-        if self.probing.paused || speed.min(overrides.rapid) == 0.0 {
+        let rests = self.probing.paused || self.probing.touched;
+        if rests || speed.min(overrides.rapid) == 0.0 {
             return self.executor.feed_hold();
         }
         let mut to = [None; N];
@@ -310,9 +315,13 @@ impl<const N: usize> Controller<N> {
         if fresh {
             self.sample_places();
         }
-        if fresh && touches != next.probe.away {
+        // It stops for the probe alone; where it was takes what every device answers.
+        self.probing.touched |= touches != next.probe.away;
+        if self.probing.touched {
             self.executor.feed_hold();
-            self.probing.stage = Stage::Stopping;
+            if fresh {
+                self.probing.stage = Stage::Stopping;
+            }
             return;
         }
         let at = &self.planned.position;
