@@ -140,6 +140,12 @@ impl Monitor {
         if let Some((node, state)) = heartbeat::state_byte(frame) {
             return self.error_control(node, state, frame);
         }
+        if id == 0x080 || self.is_moved_sync(frame.id()) {
+            return match frame.data() {
+                [counter, ..] => format!("SYNC {counter}"),
+                [] => "SYNC".into(),
+            };
+        }
         if let Some((node, emergency)) = Emergency::from_frame(frame) {
             return format!("node {node} {}", emcy(&emergency));
         }
@@ -149,10 +155,6 @@ impl Monitor {
             (0x080, Some(node)) if frame.data().is_empty() && !frame.is_remote() => {
                 self.boot_up(node)
             }
-            (0x080, None) => match frame.data() {
-                [counter, ..] => format!("SYNC {counter}"),
-                [] => "SYNC".into(),
-            },
             (0x100, None) => "TIME".into(),
             (0x580 | 0x600, Some(node)) => match frame.data().try_into() {
                 Ok(message) => {
@@ -172,6 +174,13 @@ impl Monitor {
             }
             _ => "unknown".into(),
         }
+    }
+
+    /// Whether a node that is known was told that this is SYNC (1005h).
+    fn is_moved_sync(&self, id: CanId) -> bool {
+        let known = self.nodes.iter().filter_map(|node| node.objects.as_ref());
+        let mut words = known.filter_map(|objects| objects.value(0x1005, 0));
+        words.any(|word| CobIdWord(word as u32).can_id() == id)
     }
 
     fn node(&mut self, node: NodeId) -> &mut Watched {

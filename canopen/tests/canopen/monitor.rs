@@ -319,6 +319,17 @@ fn an_older_boot_up() {
     assert_eq!(bus.send(0x083, &[1, 2]), ["unknown"]);
 }
 
+/// SYNC may stand on the identifier of an EMCY; it has no data either.
+#[test]
+fn a_moved_sync_is_no_boot_up() {
+    let mut bus = Bus::new();
+    bus.send(0x603, &[0x23, 0x05, 0x10, 0, 0x81, 0, 0, 0]);
+    bus.send(0x583, &[0x60, 0x05, 0x10, 0, 0, 0, 0, 0]);
+    assert_eq!(bus.send(0x081, &[]), ["SYNC"]);
+    assert_eq!(bus.send(0x081, &[3]), ["SYNC 3"]);
+    assert_eq!(bus.send(0x082, &[]), ["node 2 boot-up"]);
+}
+
 #[test]
 fn strangers() {
     let mut monitor = Monitor::new();

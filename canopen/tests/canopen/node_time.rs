@@ -78,7 +78,7 @@ impl Application for Device {
     }
 }
 
-/// The node, and how late it is.
+/// The node, its device and the present instant.
 struct Bench {
     node: Node,
     device: Device,
