@@ -321,7 +321,7 @@ pub(super) struct Output {
     #[arg(long, value_name = "FILE")]
     trace: Option<PathBuf>,
     /// Write a report as one self-contained HTML file.
-    #[arg(long, value_name = "FILE", requires = "program")]
+    #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
 }
 

@@ -59,6 +59,9 @@ impl Scripted<'_> {
         let cycle = inputs.machine.cycle;
         let origin = self.output.origin(self.machine, self.events, cycle);
         let mut results = self.output.open(&mut claims, origin)?;
+        if results.wants_report() {
+            return Err("a report is of one program: name <PROGRAM>, or leave --report out".into());
+        }
         let commands = self.commands.open(&mut claims)?;
         let logs = self.log.open(&mut claims)?;
         let Inputs {

@@ -316,7 +316,9 @@ impl Args {
     fn text(&self, event: &MachineEvent, names: &impl Names) -> Option<String> {
         let is_loud = matches!(
             event,
-            MachineEvent::Fault(_) | MachineEvent::Switched { .. }
+            MachineEvent::Fault(_)
+                | MachineEvent::HomingFailed { .. }
+                | MachineEvent::Switched { .. }
         );
         let told = self.verbose || is_loud;
         told.then(|| event.describe(names)).flatten()
