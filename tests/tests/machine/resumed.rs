@@ -363,6 +363,27 @@ fn a_stop_where_lines_are_typed_switches_off() {
     assert_eq!(setpoint(&rig), there);
 }
 
+/// What is held is resumed, also where another program has been loaded meanwhile, which is run behind it.
+#[test]
+fn what_is_held_outlasts_another_program_that_is_loaded() {
+    let mut rig = begun(PROGRAM);
+    rig.run_until(|rig| setpoint(rig)[0] > 120.0);
+    go(&mut rig, Command::FeedHold);
+    mdi(&mut rig, "M64 P3");
+    let line = rig.session.status().interrupted;
+    let other = rig.folder.file("other.ngc", "G21 G90 G0 X20\nM2\n");
+    go(&mut rig, Command::Load(other));
+    assert_eq!(rig.session.status().interrupted, line);
+    go(&mut rig, Command::Resume);
+    assert!(told(&rig).contains("begins with"), "{}", told(&rig));
+    settle_through(&mut rig);
+    assert_eq!(state(&rig), State::Ready);
+    assert_eq!(rig.problems, [""; 0]);
+    assert_eq!(rig.session.status().interrupted, None);
+    go(&mut rig, Command::Run { from_line: None });
+    assert_eq!((state(&rig), setpoint(&rig)[0]), (State::Ready, 20.0));
+}
+
 /// Blocks that end on a grid of 5 mm in X and Y, at least 20 mm away from where they begin.
 #[derive(Clone, Debug)]
 enum Piece {
