@@ -20,6 +20,9 @@ pub(crate) const RADIUS_LIMIT: f64 = 1e7;
 const FEED_ROUNDING: f64 = 1e-7;
 /// A position may be outside of the soft limits by this much: what conversions round. mm.
 const LIMIT_ROUNDING: f64 = 1e-9;
+/// An axis stands where its encoder says: a program that begins outside of its soft limits by no more than this may come back
+/// to there. mm or degrees.
+const LIMIT_NOISE: f64 = 0.01;
 
 impl State {
     pub(super) fn motion(
@@ -485,9 +488,12 @@ impl State {
             if (low, high) == (from[axis], from[axis]) {
                 continue;
             }
-            let value = if low < least - LIMIT_ROUNDING {
+            let start = self.setup.start[axis];
+            let stands = (least - LIMIT_NOISE..=greatest + LIMIT_NOISE).contains(&start);
+            let begin = if stands { start } else { least };
+            let value = if low < least.min(begin) - LIMIT_ROUNDING {
                 low
-            } else if high > greatest + LIMIT_ROUNDING {
+            } else if high > greatest.max(begin) + LIMIT_ROUNDING {
                 high
             } else {
                 continue;

@@ -205,6 +205,42 @@ fn soft_limits_can_be_reached() {
     assert!(run_with(setup, "G2 J5 F100\nM2").is_err());
 }
 
+/// Where an encoder's noise has an axis stand a little outside as a program begins, the program may come back to there, by any
+/// motion, and no further.
+#[test]
+fn a_program_comes_back_to_where_it_began() {
+    for noise in [-0.01, -0.000_153, -1e-6, 0.0, 100.000_2, 100.01] {
+        let mut setup = xyz();
+        setup.limits[0] = Some((0.0, 100.0));
+        setup.start.0[0] = noise;
+        let way = if noise > 50.0 { -10 } else { 10 };
+        for back in [
+            format!("G91 G1 X{way} F100\nX{}", -way),
+            format!("G91 G0 X{way}\nG0 X{}", -way),
+            format!("G2 I{} F100", way / 2),
+            format!(
+                "G91 G3 X{way} I{} F100\nG3 X{} I{}",
+                way / 2,
+                -way,
+                -way / 2
+            ),
+        ] {
+            let ran = run_with(setup.clone(), &format!("G21\n{back}\nM2"));
+            assert!(ran.is_ok(), "{noise}: {back}: {ran:?}");
+        }
+        let further = format!("G91 G0 X{way}\nG0 X{}", -f64::from(way) * 1.0021);
+        assert!(
+            run_with(setup.clone(), &format!("{further}\nM2")).is_err(),
+            "{noise}"
+        );
+    }
+    // Whoever begins elsewhere does not get there.
+    let mut setup = xyz();
+    setup.limits[0] = Some((0.0, 100.0));
+    setup.start.0[0] = 5.0;
+    assert!(run_with(setup, "G0 X-0.0001\nM2").is_err());
+}
+
 #[test]
 fn the_spindle_has_its_speeds_and_the_machine_its_inputs() {
     let mut setup = xyz();

@@ -239,8 +239,8 @@ fn what_they_do_passes_validation() {
 
 #[test]
 fn a_path_that_takes_one_along_is_refused() {
-    for block in ["G1 X10 U10 F600", "G2 X10 U5 I2.5 F600"] {
-        let mut rig = at_work(&format!("G21 G90 G0 X5\n{block}"));
+    for block in ["G1 X10 U10 F600", "G2 X10 U5 I5 F600"] {
+        let mut rig = at_work(&format!("G21 G90 {block}"));
         settle(&mut rig);
         let told = rig.problems.join("\n");
         assert!(told.contains("axis U goes point to point"), "{told}");
