@@ -364,6 +364,14 @@ impl Events {
         Ok(Self(events))
     }
 
+    /// The programs that are loaded.
+    pub(super) fn programs(&self) -> impl Iterator<Item = &Path> {
+        self.0.iter().filter_map(|(_, command)| match command {
+            Command::Load(file) => Some(&**file),
+            _ => None,
+        })
+    }
+
     /// How many have not come, and when the first was to.
     pub(super) fn left(&self) -> Option<(When, usize)> {
         let (when, _) = self.0.front()?;

@@ -56,6 +56,9 @@ impl Scripted<'_> {
             claims = claims.reads("--tables", file);
         }
         let events = Events::load(self.events, Plays::Session)?;
+        for program in events.programs() {
+            claims = claims.reads("a program that is loaded", program);
+        }
         let cycle = inputs.machine.cycle;
         let origin = self.output.origin(self.machine, self.events, cycle);
         let mut results = self.output.open(&mut claims, origin)?;

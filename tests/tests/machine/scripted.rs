@@ -208,6 +208,25 @@ fn what_is_of_a_program_needs_one() {
     );
 }
 
+#[test]
+fn no_program_that_is_loaded_is_written_over() {
+    let folder = Folder::new();
+    let program = folder.file("part.ngc", "G0 X1\nM2\n");
+    let events = format!("t_s,event,value\n,load,{}\n,run,\n", program.display());
+    let events = folder.file("day.csv", &events);
+    for option in ["--trace", "--json", "--candump", "--commands"] {
+        let output = syncline()
+            .args(["validate", "--events"])
+            .args([&events, &machine_file("portal")])
+            .args([Path::new(option), &program])
+            .output()
+            .unwrap();
+        let (code, _, errors) = ended(&output);
+        assert!(code == 2 && errors.contains("part.ngc"), "{errors}");
+        assert_eq!(folder.read("part.ngc"), "G0 X1\nM2\n");
+    }
+}
+
 /// Whatever an operator may do on a portal, sensible or not.
 fn deed(program: PathBuf) -> impl Strategy<Value = String> {
     let program = program.display().to_string();
