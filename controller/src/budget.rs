@@ -620,7 +620,7 @@ mod tests {
 
     #[test]
     fn more_devices_than_the_controller_talks_to_in_a_cycle_are_refused() {
-        let mut machine = machine(6, 100_000, "");
+        let mut machine = machine(6, 20_000, "");
         let mut drive = machine.drives[5].clone();
         for node in 7..=40 {
             drive.node = syncline_canopen::NodeId::new(node).unwrap();
