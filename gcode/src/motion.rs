@@ -83,16 +83,8 @@ impl State {
         }
         let begins_nurbs = explicit == Some(Code::G(52));
         if suspended || !(words.has_axes() || words.has_polar() || arc || begins_nurbs) {
-            return match motion {
-                Motion::Cycle(_) if explicit.is_some() => {
-                    Err(Refusal::new(motion_columns, Fault::CycleNowhere { code }))
-                }
-                Motion::Probe(_) if explicit.is_some() => {
-                    Err(Refusal::new(motion_columns, Fault::ProbeNowhere { code }))
-                }
-                Motion::Thread | Motion::Tap | Motion::ThreadingCycle if explicit.is_some() => {
-                    Err(Refusal::new(motion_columns, Fault::ThreadNowhere { code }))
-                }
+            return match leads_nowhere(motion) {
+                Some(fault) if explicit.is_some() => Err(Refusal::new(motion_columns, fault)),
                 _ => Ok(()),
             };
         }
@@ -507,6 +499,19 @@ impl State {
             return Err((axis, fault));
         }
         Ok(())
+    }
+}
+
+/// Why a motion without a place cannot be, where that is a mistake.
+fn leads_nowhere(motion: Motion) -> Option<Fault> {
+    let code = motion.code();
+    match motion {
+        Motion::Cycle(_) => Some(Fault::CycleNowhere { code }),
+        Motion::Probe(_) => Some(Fault::ProbeNowhere { code }),
+        Motion::Thread | Motion::Tap | Motion::ThreadingCycle => {
+            Some(Fault::ThreadNowhere { code })
+        }
+        _ => None,
     }
 }
 

@@ -442,16 +442,6 @@ impl DeviceNode {
         }
     }
 
-    /// Standing still is moving less than this.
-    pub(super) fn standstill_window(&self) -> Increments {
-        self.spec().standstill_window
-    }
-
-    /// Cycles in a row that the drive has stood still.
-    pub(super) fn still(&self) -> u32 {
-        self.still
-    }
-
     // --- supervision ---
 
     /// What this drive did.
@@ -571,31 +561,6 @@ impl DeviceNode {
         self.status
             .follows(in_mode && !self.homes)
             .map_err(|why| self.fault(DeviceCause::NotFollowing { word, why }))
-    }
-
-    /// Counts the cycles in which the drive has stood within its window, or has told no speed. A cycle in which it is not heard
-    /// says nothing, and one that is not heard any more may be anywhere.
-    pub(super) fn watch_standstill(&mut self) {
-        let window = self.standstill_window();
-        let turns = self.told_speed.is_some_and(|speed| speed != 0.0);
-        if self.age >= self.patience() {
-            self.still = 0;
-            return;
-        }
-        if !self.has_answered() {
-            return;
-        }
-        if !turns && (self.actual - self.still_at).get().abs() <= window.get() {
-            self.still = self.still.saturating_add(1);
-        } else {
-            self.still_at = self.actual;
-            self.still = 0;
-        }
-    }
-
-    /// Counts anew.
-    pub(super) fn forget_standstill(&mut self) {
-        self.still = 0;
     }
 
     // --- what it is told ---
@@ -808,6 +773,7 @@ mod answers;
 mod captures;
 mod count;
 mod homing;
+mod standstill;
 #[cfg(test)]
 mod tests;
 mod torque;

@@ -1,0 +1,41 @@
+//! Whether a drive stands, as it tells.
+
+use super::DeviceNode;
+use syncline_drives::model::Increments;
+
+impl DeviceNode {
+    /// Standing still is moving less than this.
+    pub(in crate::control) fn standstill_window(&self) -> Increments {
+        self.spec().standstill_window
+    }
+
+    /// Cycles in a row that the drive has stood still.
+    pub(in crate::control) fn still(&self) -> u32 {
+        self.still
+    }
+
+    /// Counts the cycles in which the drive has stood within its window, or has told no speed. A cycle in which it is not heard
+    /// says nothing, and one that is not heard any more may be anywhere.
+    pub(in crate::control) fn watch_standstill(&mut self) {
+        let window = self.standstill_window();
+        let turns = self.told_speed.is_some_and(|speed| speed != 0.0);
+        if self.age >= self.patience() {
+            self.still = 0;
+            return;
+        }
+        if !self.has_answered() {
+            return;
+        }
+        if !turns && (self.actual - self.still_at).get().abs() <= window.get() {
+            self.still = self.still.saturating_add(1);
+        } else {
+            self.still_at = self.actual;
+            self.still = 0;
+        }
+    }
+
+    /// Counts anew.
+    pub(in crate::control) fn forget_standstill(&mut self) {
+        self.still = 0;
+    }
+}
