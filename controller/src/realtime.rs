@@ -237,8 +237,9 @@ fn has_capability(bit: u32) -> bool {
         .is_some_and(|mask| mask >> bit & 1 == 1)
 }
 
+/// Goes through the calling thread's stack once, so that nothing it does later needs a page that cannot be had any more.
 #[inline(never)]
-fn touch_stack() {
+pub fn touch_stack() {
     let mut stack = [0_u8; STACK];
     for page in stack.chunks_mut(4096) {
         page[0] = 1;

@@ -551,6 +551,8 @@ impl RealTime {
         cycle: Cycle,
         started: impl FnOnce(&Granted) + Send + 'static,
     ) -> io::Result<()> {
+        // The session's own, too: where memory has run out it goes on to its end.
+        realtime::touch_stack();
         let thread = thread::Builder::new().name("cycle".into());
         self.cycle = Some(thread.spawn(move || cycle.run(started))?);
         Ok(())
