@@ -571,9 +571,9 @@ impl<const N: usize> Controller<N> {
             });
         }
         self.executor.restart(position);
-        if let Some(job) = self.job {
+        if self.job.is_some() {
             // Nothing can have been switched by hand before.
-            self.switches.begin(&self.layout, job.kind, |_| ());
+            self.switches.begin(&self.layout, |_| ());
         }
         self.plan_from_rest();
         self.frozen = true;

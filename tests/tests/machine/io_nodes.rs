@@ -661,7 +661,6 @@ proptest! {
 #[derive(Clone, Copy, Debug)]
 enum Safe {
     Disabled,
-    Stopped,
     StoppedInJog,
     Enable,
     Held,
@@ -674,7 +673,7 @@ proptest! {
     /// that has none.
     #[test]
     fn what_was_made_safe_stays_off(
-        how in select(vec![Safe::Disabled, Safe::Stopped, Safe::StoppedInJog, Safe::Enable, Safe::Held]),
+        how in select(vec![Safe::Disabled, Safe::StoppedInJog, Safe::Enable, Safe::Held]),
         on in select(vec!["M3 S5000", "M4 S800\nM8", "M7", "M64 P1\nM3 S5000"]),
         behind in select(vec!["S7000", "G91 G1 X1 F600 S900", "M9\nS200", "M65 P1\nS300"]),
         runs: bool,
@@ -699,7 +698,7 @@ proptest! {
         }
         match how {
             Safe::Disabled => go(&mut rig, Command::Disable),
-            Safe::Stopped | Safe::Held => go(&mut rig, Command::Stop),
+            Safe::Held => go(&mut rig, Command::Stop),
             Safe::StoppedInJog => {
                 let (axis, distance, speed) = (AxisLetter::X, 5.0, Some(2.0));
                 rig.command(Command::Jog(Jog::By { axis, distance, speed }));
@@ -739,31 +738,6 @@ proptest! {
             prop_assert_eq!(speed, 0);
         }
         prop_assert_eq!(state(&rig), MachineState::Ready);
-    }
-
-    /// A typed line switches what it names, and nothing else: what is safe stays so.
-    #[test]
-    fn typed_lines_switch_what_they_name(
-        lines in prop::collection::vec(select(vec![
-            ("G91 G1 X1 F600", None), ("G1 X1e9 F100", None), ("G54", None), ("(MSG, x)", None), ("M3 S500", None),
-            ("M64 P1", Some((0, true))), ("M65 P1", Some((0, false))), ("M64 P2", Some((1, true))),
-            ("M65 P2", Some((1, false))), ("M62 P2", Some((1, true))),
-        ]), 1..6),
-    ) {
-        let mut rig = staying_on();
-        let mut on = [false, true];
-        for (line, switches) in lines {
-            go(&mut rig, Command::Mdi(line.to_owned()));
-            // At a motion, which does not come.
-            if let Some((output, switched)) = switches && !line.starts_with("M62") {
-                on[output] = switched;
-            }
-            prop_assert_eq!(&rig.session.status().outputs[..2], &on, "{}", line);
-            let (digital, analog) = outputs(&mut rig);
-            prop_assert_eq!((digital >> 9 & 1 == 0, analog[2]), (on[1], SAFE.1[2]), "{}", line);
-        }
-        go(&mut rig, Command::Stop);
-        prop_assert_eq!(outputs(&mut rig), SAFE);
     }
 }
 
