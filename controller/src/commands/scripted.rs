@@ -169,12 +169,7 @@ impl Script {
     /// Commands what is due; behind the last event ends what is held, and switches the machine off.
     fn follow(&mut self, status: &Status, now: Duration) -> Result<(), NotTaken> {
         let answers = self.answers.events();
-        let answered = answers.filter(|event| match event {
-            Event::Accepted(it) => it.source == NAME,
-            Event::Refused(it) => it.source == NAME,
-            _ => false,
-        });
-        let answered = answered.count();
+        let answered = answers.filter(|event| event.answers(NAME)).count();
         self.unanswered = self.unanswered.saturating_sub(answered);
         if answered > 0 || self.unanswered > 0 || !rests(status) {
             self.busy = now;

@@ -186,6 +186,18 @@ pub enum Event {
     Problem(Arc<RunError>),
 }
 
+impl Event {
+    /// Whether it says what became of a command of that source: that it took effect, or was refused.
+    #[must_use]
+    pub fn answers(&self, source: &str) -> bool {
+        match self {
+            Self::Accepted(it) => it.source == source,
+            Self::Refused(it) => it.source == source,
+            _ => false,
+        }
+    }
+}
+
 /// The session's end of its subscribers.
 #[derive(Default)]
 pub(super) struct Outlets(Vec<Outlet>);

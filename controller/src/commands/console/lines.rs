@@ -154,12 +154,7 @@ impl Reader {
     /// Does what may begin now.
     fn go_on(&mut self) -> Result<(), NotTaken> {
         let answers = self.answers.events();
-        let answered = answers.filter(|event| match event {
-            Event::Accepted(it) => it.source == NAME,
-            Event::Refused(it) => it.source == NAME,
-            _ => false,
-        });
-        let answered = answered.count();
+        let answered = answers.filter(|event| event.answers(NAME)).count();
         if answered > 0 {
             // The state that this leads to is seen with the next look.
             self.unanswered = self.unanswered.saturating_sub(answered);
