@@ -10,6 +10,7 @@
 //! A [`Timeline`] is a machine with its program in either time, as a session drives it.
 
 pub mod driver;
+mod ends;
 mod inline_planning;
 pub mod planning;
 pub mod real_time;

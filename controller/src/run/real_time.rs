@@ -21,6 +21,7 @@
 //! `REPORT_PATIENCE` in all: then reports are lost, and counted.
 
 use super::driver::Driver;
+use super::ends::Ends;
 use super::planning::{PlanQueues, PlanRequest, Planning, Told};
 use super::{CycleReport, Progress, RunError, Timeline, Work};
 use crate::control::{Controller, Event, Instruction, Layout, Order, Outcome, Phase};
@@ -28,7 +29,7 @@ use crate::machine::COORDINATES;
 use crate::observe::flight_recorder::Carried;
 use crate::observe::timing::{Distribution, Stage, Stages};
 use crate::port::{Port, Ports};
-use crate::program::{Feeder, Left, Moves, Program};
+use crate::program::{Feeder, Moves, Program};
 use crate::realtime::{self, Granted};
 use rtrb::{Consumer, Producer, PushError, RingBuffer};
 use std::collections::VecDeque;
@@ -583,43 +584,6 @@ impl RealTime {
     }
 }
 
-/// What the planner has told of jobs that are over: each is told behind the cycle's own report of that end, whichever of the
-/// two threads was faster. What a job has left says that nothing more comes of it.
-#[derive(Default)]
-struct Ends {
-    /// The last job whose end the cycle has reported.
-    reported: Option<u64>,
-    left: VecDeque<(u64, Outcome, Option<Left>)>,
-}
-
-impl Ends {
-    /// The cycle has reported that a job is over.
-    fn reported(&mut self, job: u64) {
-        self.reported = self.reported.max(Some(job));
-    }
-
-    /// The cycle is over and reports nothing more.
-    fn all_reported(&mut self) {
-        self.reported = Some(u64::MAX);
-    }
-
-    /// The planner has told what a job has left.
-    fn left(&mut self, job: u64, outcome: Outcome, left: Option<Left>) {
-        self.left.push_back((job, outcome, left));
-    }
-
-    /// What can be told now.
-    fn next(&mut self) -> Option<(u64, Outcome, Option<Left>)> {
-        let (job, ..) = self.left.front()?;
-        let is_due = Some(*job) <= self.reported;
-        is_due.then(|| self.left.pop_front()).flatten()
-    }
-
-    fn is_empty(&self) -> bool {
-        self.left.is_empty()
-    }
-}
-
 /// Also where a panic ends the session: the cycle stops and is waited for.
 impl Drop for RealTime {
     fn drop(&mut self) {
@@ -745,35 +709,6 @@ mod tests {
         }
         drop((handle, queues));
         cycle.join().unwrap();
-    }
-
-    /// Each end is told once, in order, and behind the cycle's report of it, however the two threads are interleaved.
-    #[test]
-    fn what_a_job_has_left_comes_behind_its_end() {
-        for choices in 0..1_u32 << 8 {
-            let mut ends = Ends::default();
-            let (mut reported, mut left, mut told) = (0, 0, 0);
-            for step in 0..8 {
-                if choices >> step & 1 == 0 {
-                    reported += 1;
-                    ends.reported(reported);
-                } else {
-                    left += 1;
-                    ends.left(left, Outcome::Stopped, None);
-                }
-                while let Some((job, ..)) = ends.next() {
-                    told += 1;
-                    assert_eq!(job, told);
-                }
-                assert_eq!(told, reported.min(left), "{choices:b}");
-            }
-            ends.all_reported();
-            while let Some((job, ..)) = ends.next() {
-                told += 1;
-                assert_eq!(job, told);
-            }
-            assert!(told == left && ends.is_empty(), "{choices:b}");
-        }
     }
 
     #[test]
