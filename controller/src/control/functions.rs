@@ -17,10 +17,11 @@
 //! the path goes on; without a job what was switched by hand is what the next job begins with.
 
 use super::Layout;
-use super::{Controller, Event, Phase, Request, event_sink};
+use super::{Controller, Event, JobKind, Phase, Request, event_sink};
 use crate::machine::{AnalogSource, OutputSwitch};
 use std::collections::VecDeque;
 use std::fmt;
+use std::mem::take;
 use std::sync::Arc;
 use syncline_gcode::{ANALOG_OUTPUTS, AxisLetter, Coolant, Output, Spindle, Turning};
 
@@ -124,6 +125,7 @@ pub(super) struct Switches {
     pub(super) functions: MachineFunctions,
     /// Outputs have their safe values, whatever was switched.
     safe: bool,
+    kept: Kept,
     /// How many were executed.
     executed: u32,
     waiting: VecDeque<(u32, Switch)>,
@@ -143,6 +145,7 @@ impl Switches {
         Self {
             functions: MachineFunctions::default(),
             safe: false,
+            kept: Kept::default(),
             executed: 0,
             waiting,
             by_hand: vec![None; layout.outputs.len()],
@@ -158,13 +161,21 @@ impl Switches {
     }
 
     /// A job begins: from now on outputs are what M-codes make of them, and what they were switched to by hand
-    /// before.
-    pub(super) fn begin(&mut self, layout: &Layout, mut tell: impl FnMut(Switch)) {
+    /// before. In typed lines those that have their safe values keep them until they are switched.
+    pub(super) fn begin(&mut self, layout: &Layout, kind: JobKind, mut tell: impl FnMut(Switch)) {
+        match kind {
+            JobKind::Program => self.let_go(),
+            JobKind::Mdi if self.safe => self.keep_safe(layout),
+            JobKind::Mdi => {}
+        }
         self.safe = false;
         let coolant = self.functions.coolant;
         for (output, by_hand) in layout.outputs.iter().zip(&mut self.by_hand) {
             if let Some(on) = by_hand.take() {
                 self.functions.put(output.switch, on);
+                if let OutputSwitch::Program(number) = output.switch {
+                    self.kept.digital &= !(1 << number);
+                }
             }
         }
         if self.functions.coolant != coolant {
@@ -172,8 +183,38 @@ impl Switches {
         }
     }
 
+    /// The outputs that are on as that is safe stay so.
+    fn keep_safe(&mut self, layout: &Layout) {
+        for output in &layout.outputs {
+            if let OutputSwitch::Program(number) = output.switch
+                && output.safe
+            {
+                self.functions.put(output.switch, true);
+                self.kept.digital |= 1 << number;
+            }
+        }
+        for output in &layout.analog_outputs {
+            if let AnalogSource::Program(number) = output.source {
+                self.functions.analog[usize::from(number)] = output.safe;
+                self.kept.analog |= 1 << number;
+            }
+        }
+    }
+
+    /// The outputs that nobody has switched are off.
+    fn let_go(&mut self) {
+        let Kept { digital, analog } = take(&mut self.kept);
+        self.functions.digital &= !digital;
+        for (number, value) in self.functions.analog.iter_mut().enumerate() {
+            if analog >> number & 1 != 0 {
+                *value = 0.0;
+            }
+        }
+    }
+
     /// The outputs of a program are as it has switched them before, whoever has switched them meanwhile.
     pub(super) fn put_back(&mut self, program: &MachineFunctions) {
+        self.kept = Kept::default();
         self.by_hand.fill(None);
         self.functions.digital = program.digital;
         self.functions.analog = program.analog;
@@ -206,6 +247,7 @@ impl Switches {
         }
         self.functions.digital = 0;
         self.functions.analog = [0.0; ANALOG_OUTPUTS];
+        self.kept = Kept::default();
         self.safe = true;
     }
 
@@ -229,7 +271,29 @@ impl Switches {
         let (line, switch) = due.then(|| self.waiting.pop_front()).flatten()?;
         self.executed += 1;
         self.functions.switch(line, switch);
+        if let Switch::Output(output) = switch {
+            self.kept.switched(output);
+        }
         Some((line, switch))
+    }
+}
+
+/// Outputs of the program, by number, that are on because that is safe, and not because anybody switched them: in typed lines
+/// they stay so until these switch them, in a program they are off.
+#[derive(Clone, Copy, Default)]
+struct Kept {
+    digital: u64,
+    analog: u64,
+}
+
+impl Kept {
+    /// What was switched is not kept any more.
+    fn switched(&mut self, output: Output) {
+        match output {
+            Output::Digital { number, .. } => self.digital &= !(1 << number),
+            Output::Analog { number, .. } => self.analog &= !(1 << number),
+            Output::User { .. } => {}
+        }
     }
 }
 

@@ -104,7 +104,7 @@ impl<const N: usize> Controller<N> {
         let mut events = event_sink(&mut self.events);
         let line = self.switches.functions.line;
         let told = |switch| events(Event::Switched { line, switch });
-        self.switches.begin(&self.layout, told);
+        self.switches.begin(&self.layout, job.kind, told);
         drop(events);
         self.rest_here();
     }
@@ -339,6 +339,8 @@ impl<const N: usize> Controller<N> {
                 self.switch_off_outputs();
             }
             self.enter(Phase::Stop, &mut []);
+        } else if self.phase == Phase::Program && self.stays_on {
+            self.switch_off_outputs();
         } else if self.state() == State::Starting {
             self.go_to(Goal::Disabled);
         }

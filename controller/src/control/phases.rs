@@ -571,9 +571,9 @@ impl<const N: usize> Controller<N> {
             });
         }
         self.executor.restart(position);
-        if self.job.is_some() {
+        if let Some(job) = self.job {
             // Nothing can have been switched by hand before.
-            self.switches.begin(&self.layout, |_| ());
+            self.switches.begin(&self.layout, job.kind, |_| ());
         }
         self.plan_from_rest();
         self.frozen = true;

@@ -287,12 +287,45 @@ fn without_the_controller_outputs_are_safe_by_the_nodes_own_error_mode() {
     assert_eq!(outputs(&mut rig), SAFE);
 }
 
-/// What a program switches: P1, P2, E3, the spindle.
+/// Outputs of the spindle and the coolant, before the first input of the file.
+const FUNCTIONS: (&str, &str) = (
+    "[[input]]\nname = \"enable\"\nio",
+    r#"[[output]]
+name = "mist"
+io = "cabinet"
+signal = "DO2"
+function = "mist"
+
+[[output]]
+name = "flood"
+io = "cabinet"
+signal = "DO3"
+function = "flood"
+
+[[output]]
+name = "run"
+io = "cabinet"
+signal = "DO4"
+function = "spindle"
+
+[[output]]
+name = "reverse"
+io = "cabinet"
+signal = "DO5"
+function = "spindle_reverse"
+
+[[input]]
+name = "enable"
+io"#,
+);
+
+/// What a program switches: P1, P2, E3, the spindle (the other way, its speed), the coolant by its M-code.
 #[derive(Clone, Copy, Debug)]
 enum Step {
     Digital(u8, bool, bool),
     Analog(bool, i8),
-    Spindle(Option<u16>),
+    Spindle(Option<(bool, u16)>),
+    Coolant(u8),
     Dwell(u16),
     Move(i8),
 }
@@ -301,7 +334,8 @@ fn step() -> impl Strategy<Value = Step> {
     prop_oneof![
         3 => (1u8..3, any::<bool>(), any::<bool>()).prop_map(|(number, on, at_once)| Step::Digital(number, on, at_once)),
         2 => (any::<bool>(), -100i8..=100).prop_map(|(at_once, tenths)| Step::Analog(at_once, tenths)),
-        2 => prop::option::of(1u16..=24_000).prop_map(Step::Spindle),
+        2 => prop::option::of((any::<bool>(), 1u16..=24_000)).prop_map(Step::Spindle),
+        2 => (7u8..=9).prop_map(Step::Coolant),
         2 => (5u16..150).prop_map(Step::Dwell),
         2 => (0i8..100).prop_map(Step::Move),
     ]
@@ -338,7 +372,13 @@ fn programmed(steps: &[Step]) -> (String, Vec<(State, Option<f64>)>) {
                 waits.push(step);
             }
             Step::Spindle(speed) => {
-                program += &speed.map_or("M5\n".into(), |speed| format!("M3 S{speed}\n"));
+                program += &speed.map_or("M5\n".into(), |(reverse, speed)| {
+                    format!("M{} S{speed}\n", if reverse { 4 } else { 3 })
+                });
+                now.push(step);
+            }
+            Step::Coolant(code) => {
+                program += &format!("M{code}\n");
                 now.push(step);
             }
             Step::Dwell(ms) => {
@@ -356,8 +396,9 @@ fn programmed(steps: &[Step]) -> (String, Vec<(State, Option<f64>)>) {
         now.into_iter().for_each(|step| put_out(&mut state, step));
         since = follow(&mut states, state, since).filter(|_| !moves);
     }
-    // What stands at the end has no length otherwise; the end switches the spindle off, before outputs are safe.
+    // What stands at the end has no length otherwise; the end switches spindle and coolant off, before outputs are safe.
     put_out(&mut state, Step::Spindle(None));
+    put_out(&mut state, Step::Coolant(9));
     follow(&mut states, state, since.map(|since| since + 0.01));
     (program + "G4 P0.01\nM2\n", states)
 }
@@ -375,7 +416,15 @@ fn put_out(state: &mut State, step: Step) {
             state.0 = state.0 & !bit | if on { bit } else { 0 };
         }
         Step::Analog(_, tenths) => state.1[2] = scaled(f64::from(tenths) / 10.0, 10.0),
-        Step::Spindle(speed) => state.1[0] = scaled(speed.map_or(0.0, f64::from), 24_000.0),
+        Step::Spindle(turning) => {
+            let speed = turning.map_or(0.0, |(_, speed)| speed.into());
+            state.1[0] = scaled(speed, 24_000.0);
+            let bits = turning.map_or(0, |(reverse, _)| 0x10 | if reverse { 0x20 } else { 0 });
+            state.0 = state.0 & !0x30 | bits;
+        }
+        Step::Coolant(7) => state.0 |= 0x04,
+        Step::Coolant(8) => state.0 |= 0x08,
+        Step::Coolant(_) => state.0 &= !0x0C,
         Step::Dwell(_) | Step::Move(_) => {}
     }
 }
@@ -386,6 +435,9 @@ fn shown_outputs(rig: &Rig) -> State {
     let mut state = (0, [0; 3]);
     put_out(&mut state, Step::Digital(1, status.outputs[0], true));
     put_out(&mut state, Step::Digital(2, status.outputs[1], true));
+    for (on, bit) in status.outputs[2..].iter().zip([0x04, 0x08, 0x10, 0x20]) {
+        state.0 |= if *on { bit } else { 0 };
+    }
     let analog = rig
         .machine
         .analog_outputs
@@ -427,7 +479,7 @@ proptest! {
     #[test]
     fn outputs_come_in_program_order_with_the_dwells_between_them(steps in prop::collection::vec(step(), 0..16)) {
         let (program, expected) = programmed(&steps);
-        let mut rig = wired(&program);
+        let mut rig = wired_with(&[FUNCTIONS], &program);
         // Before the first cycle that sends any they are shown as off.
         let mut shown = vec![shown_outputs(&rig)];
         while rig.step() {
@@ -661,6 +713,7 @@ proptest! {
 #[derive(Clone, Copy, Debug)]
 enum Safe {
     Disabled,
+    Stopped,
     StoppedInJog,
     Enable,
     Held,
@@ -673,7 +726,7 @@ proptest! {
     /// that has none.
     #[test]
     fn what_was_made_safe_stays_off(
-        how in select(vec![Safe::Disabled, Safe::StoppedInJog, Safe::Enable, Safe::Held]),
+        how in select(vec![Safe::Disabled, Safe::Stopped, Safe::StoppedInJog, Safe::Enable, Safe::Held]),
         on in select(vec!["M3 S5000", "M4 S800\nM8", "M7", "M64 P1\nM3 S5000"]),
         behind in select(vec!["S7000", "G91 G1 X1 F600 S900", "M9\nS200", "M65 P1\nS300"]),
         runs: bool,
@@ -698,7 +751,7 @@ proptest! {
         }
         match how {
             Safe::Disabled => go(&mut rig, Command::Disable),
-            Safe::Held => go(&mut rig, Command::Stop),
+            Safe::Stopped | Safe::Held => go(&mut rig, Command::Stop),
             Safe::StoppedInJog => {
                 let (axis, distance, speed) = (AxisLetter::X, 5.0, Some(2.0));
                 rig.command(Command::Jog(Jog::By { axis, distance, speed }));
@@ -738,6 +791,31 @@ proptest! {
             prop_assert_eq!(speed, 0);
         }
         prop_assert_eq!(state(&rig), MachineState::Ready);
+    }
+
+    /// A typed line switches what it names, and nothing else: what is safe stays so.
+    #[test]
+    fn typed_lines_switch_what_they_name(
+        lines in prop::collection::vec(select(vec![
+            ("G91 G1 X1 F600", None), ("G1 X1e9 F100", None), ("G54", None), ("(MSG, x)", None), ("M3 S500", None),
+            ("M64 P1", Some((0, true))), ("M65 P1", Some((0, false))), ("M64 P2", Some((1, true))),
+            ("M65 P2", Some((1, false))), ("M62 P2", Some((1, true))),
+        ]), 1..6),
+    ) {
+        let mut rig = staying_on();
+        let mut on = [false, true];
+        for (line, switches) in lines {
+            go(&mut rig, Command::Mdi(line.to_owned()));
+            // At a motion, which does not come.
+            if let Some((output, switched)) = switches && !line.starts_with("M62") {
+                on[output] = switched;
+            }
+            prop_assert_eq!(&rig.session.status().outputs[..2], &on, "{}", line);
+            let (digital, analog) = outputs(&mut rig);
+            prop_assert_eq!((digital >> 9 & 1 == 0, analog[2]), (on[1], SAFE.1[2]), "{}", line);
+        }
+        go(&mut rig, Command::Stop);
+        prop_assert_eq!(outputs(&mut rig), SAFE);
     }
 }
 

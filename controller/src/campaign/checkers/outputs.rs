@@ -13,6 +13,7 @@ use crate::machine::{AnalogSource, Machine, OutputSwitch, SpindleDrive};
 use crate::observe::mapping::{Heard, PdoMappings};
 use crate::session::{Accepted, Command, Event};
 use std::collections::VecDeque;
+use std::mem::take;
 use syncline_canopen::Instant;
 use syncline_drives::bus::Transmission;
 
@@ -246,8 +247,13 @@ impl Outputs {
     /// A job begins.
     fn begin(&mut self, scene: &Scene<'_>, lines: Option<&[String]>, is_program: bool) {
         self.aside = self.is_held() && !is_program;
-        self.to_be_safe = false;
+        let was_safe = take(&mut self.to_be_safe);
         if let Some(left) = &mut self.left {
+            match is_program {
+                true => left.let_go(),
+                false if was_safe => keep_safe(scene.machine, left),
+                false => {}
+            }
             for output in &mut self.outputs {
                 let Some(on) = output.by_hand.take() else {
                     continue;
@@ -315,6 +321,8 @@ impl Outputs {
                 let lines: Option<&[String]> = (!self.is_held()).then_some(&[]);
                 self.begin(scene, lines, false);
             }
+            // Nothing is at work: what typed lines have left on goes off.
+            Command::Stop if scene.state == State::Ready => self.stop(),
             Command::Output { name, on } => {
                 let mut outputs = self.outputs.iter_mut();
                 if let Some(output) = outputs.find(|output| output.name == *name) {
@@ -544,6 +552,20 @@ impl Outputs {
             if output.by_hand.is_some() {
                 output.is_by_hand = Some(scene.now);
             }
+        }
+    }
+}
+
+/// Typed lines leave outputs as they are safe until they switch them.
+fn keep_safe(machine: &Machine, left: &mut Switched) {
+    for output in &machine.outputs {
+        if let OutputSwitch::Program(number) = output.switch {
+            left.keep(number, output.safe);
+        }
+    }
+    for output in &machine.analog_outputs {
+        if let AnalogSource::Program(number) = output.source {
+            left.keep_analog(number, output.safe);
         }
     }
 }

@@ -4,6 +4,7 @@
 //! the campaign's programs have; where it does not know what comes, the rest of the program is left open.
 
 use super::super::machine::AxisSpec;
+use std::mem::take;
 
 /// Positions that differ by less are the same, mm.
 const SAME: f64 = 1e-6;
@@ -23,6 +24,8 @@ pub(super) struct Switched {
     pub(super) digital: u64,
     /// M67 and M68, from E0 on.
     pub(super) analog: [f64; 4],
+    /// Outputs of the program, by bits, that are what is safe, as nobody has switched them.
+    kept: [u64; 2],
 }
 
 impl Switched {
@@ -34,9 +37,44 @@ impl Switched {
 
     /// Switches the output with this P.
     pub(super) fn put(&mut self, number: u8, on: bool) {
-        let bit = 1_u64.checked_shl(number.into()).unwrap_or(0);
+        let bit = bit(number);
         self.digital = self.digital & !bit | if on { bit } else { 0 };
+        self.kept[0] &= !bit;
     }
+
+    /// Puts this out at the analog output with this E.
+    fn put_analog(&mut self, number: u8, value: f64) {
+        self.analog[usize::from(number) % 4] = value;
+        self.kept[1] &= !bit(number % 4);
+    }
+
+    /// The output with this P has what is safe until it is switched.
+    pub(super) fn keep(&mut self, number: u8, safe: bool) {
+        self.put(number, safe);
+        self.kept[0] |= bit(number);
+    }
+
+    /// The same of the analog output with this E.
+    pub(super) fn keep_analog(&mut self, number: u8, safe: f64) {
+        self.put_analog(number, safe);
+        self.kept[1] |= bit(number % 4);
+    }
+
+    /// What nobody has switched is off.
+    pub(super) fn let_go(&mut self) {
+        let [digital, analog] = take(&mut self.kept);
+        self.digital &= !digital;
+        for (number, value) in (0..).zip(&mut self.analog) {
+            if analog & bit(number) != 0 {
+                *value = 0.0;
+            }
+        }
+    }
+}
+
+/// The bit of an output; none for one that no machine has.
+fn bit(number: u8) -> u64 {
+    1_u64.checked_shl(number.into()).unwrap_or(0)
 }
 
 /// One state of a program's outputs.
@@ -296,8 +334,8 @@ impl Reader<'_> {
                     }
                 }
                 67 | 68 => {
-                    let (number, to) = (value('E')?? as usize, value('Q')??);
-                    let change = move |it: &mut Switched| it.analog[number % 4] = to;
+                    let (number, to) = (value('E')?? as u8, value('Q')??);
+                    let change = move |it: &mut Switched| it.put_analog(number, to);
                     match code {
                         68 => self.switch(change),
                         _ => self.waiting.push(Box::new(change)),
