@@ -6,6 +6,7 @@
 
 pub mod cause;
 
+use crate::budget::DoesNotFit;
 use crate::control::{Event as MachineEvent, Layout};
 use crate::machine::{Machine, MachineState};
 use crate::observe::Observers;
@@ -27,8 +28,6 @@ use syncline_gcode::Tables;
 pub struct Inputs {
     /// The machine.
     pub machine: Machine,
-    /// The same as the controller has it, with its axes referenced as a simulated machine's are.
-    pub layout: Arc<Layout>,
     /// Its programs, with its tables.
     pub programs: Programs,
 }
@@ -36,6 +35,9 @@ pub struct Inputs {
 /// Why a validation came to no result.
 #[derive(Debug, thiserror::Error)]
 pub enum NotValidated {
+    /// The frames of a bus do not fit the cycle.
+    #[error(transparent)]
+    DoesNotFit(#[from] DoesNotFit),
     /// A bus cannot be simulated.
     #[error(transparent)]
     Port(#[from] PortError),
@@ -65,8 +67,7 @@ impl Inputs {
         tables: Option<&Path>,
     ) -> Result<Self, Box<dyn Error>> {
         let machine = Machine::load_with(machine_file, settings)?;
-        let state = MachineState::simulated(&machine);
-        let layout = Arc::new(Layout::new(&machine)?.recalling(&machine, &state));
+        Layout::new(&machine)?;
         let programs = match tables {
             Some(file) => {
                 let text = fs::read_to_string(file);
@@ -75,11 +76,17 @@ impl Inputs {
             }
             None => Programs::new(&machine, machine_file)?,
         };
-        Ok(Self {
-            machine,
-            layout,
-            programs,
-        })
+        Ok(Self { machine, programs })
+    }
+
+    /// The machine as the controller has it, with its axes referenced as those of one that is simulated with this seed.
+    ///
+    /// # Errors
+    /// The frames of a bus do not fit the cycle.
+    pub fn layout(&self, seed: u64) -> Result<Arc<Layout>, DoesNotFit> {
+        let state = MachineState::simulated(&self.machine, seed);
+        let layout = Layout::new(&self.machine)?;
+        Ok(Arc::new(layout.recalling(&self.machine, &state)))
     }
 
     /// Runs a program, from the same seed always with the same frames, and judges it. Program stops (M0, M1,
@@ -96,7 +103,7 @@ impl Inputs {
         mut goes_on: impl FnMut(&Status) -> bool,
     ) -> Result<(Summary, Option<Report>), NotValidated> {
         let extent = program.check(self.machine.rest())?;
-        let layout = &self.layout;
+        let layout = &self.layout(seed)?;
         let program_samples = program.samples().cloned();
         let (timeline, moves) =
             VirtualMachine::new(&self.machine, Arc::clone(layout), program, seed)?;

@@ -310,9 +310,9 @@ impl Args {
             let buses = self.real_time.open(machine, logs)?;
             return self.excite_in_real_time(machine, program, observers, &samples, buses);
         }
-        let state = MachineState::simulated(machine);
-        let layout = Arc::new(Layout::new(machine)?.recalling(machine, &state));
         let seed = self.real_time.seed;
+        let state = MachineState::simulated(machine, seed);
+        let layout = Arc::new(Layout::new(machine)?.recalling(machine, &state));
         let (timeline, moves) = VirtualMachine::new(machine, Arc::clone(&layout), program, seed)?;
         let mut session = Session::new(&layout, timeline, moves, observers);
         let (log, excess) = self.attend(&mut session, &layout, &samples)?;

@@ -67,11 +67,8 @@ impl Scripted<'_> {
         }
         let commands = self.commands.open(&mut claims)?;
         let logs = self.log.open(&mut claims)?;
-        let Inputs {
-            machine,
-            layout,
-            programs,
-        } = inputs;
+        let layout = inputs.layout(self.seed)?;
+        let Inputs { machine, programs } = inputs;
         let timeline = VirtualMachine::switched_on(&machine, Arc::clone(&layout), self.seed)?;
         logs.record_virtual(&machine, timeline.frames())?;
         let sent = Some(timeline.frames().listen(&machine));
@@ -79,7 +76,7 @@ impl Scripted<'_> {
         let mut session = Session::staying_on(&layout, timeline, programs, observers);
         let commands = commands.map(|file| {
             let beside = Tables::beside(self.machine);
-            let state = MachineState::simulated(&machine);
+            let state = MachineState::simulated(&machine, self.seed);
             let tables = self.tables.unwrap_or(&beside);
             CommandLog::begin(&mut session, Box::new(file.begin()?), tables, &state)
         });

@@ -150,11 +150,9 @@ impl Args {
     /// Reads and checks everything, and opens the files, before anything else.
     fn prepare(&self) -> Result<Prepared, Box<dyn Error>> {
         let tables = self.tables.as_deref();
-        let Inputs {
-            machine,
-            layout,
-            programs,
-        } = Inputs::read(&self.machine, &self.settings, tables)?;
+        let inputs = Inputs::read(&self.machine, &self.settings, tables)?;
+        let layout = inputs.layout(self.seed)?;
+        let Inputs { machine, programs } = inputs;
         let program = self.switches.program(&programs, self.program())?;
         let extent = program.check(machine.rest())?;
         let mut claims = Claims::of_run(&self.machine, self.program());
@@ -173,7 +171,7 @@ impl Args {
         let commands = self.commands.open(&mut claims)?;
         let logs = self.log.open(&mut claims)?;
         if let Some(beginning) = program.beginning(machine.rest())? {
-            eprintln!("{beginning}");
+            eprintln!("line {}: {beginning}", beginning.line());
         }
         let time_bounds = self.time_bounds.then(|| program.time_bounds(&machine));
         Ok(Prepared {
@@ -218,7 +216,7 @@ impl Args {
         let commands = commands.map(|file| {
             let beside = Tables::beside(&self.machine);
             let tables = self.tables.as_ref().unwrap_or(&beside);
-            let state = MachineState::simulated(&machine);
+            let state = MachineState::simulated(&machine, self.seed);
             CommandLog::begin(&mut session, Box::new(file.begin()?), tables, &state)
         });
         let mut commands = commands.transpose()?;

@@ -342,13 +342,16 @@ impl Axis {
         homed.unwrap_or_else(|| 0f64.clamp(least, most))
     }
 
-    /// Where a side of it, by its place in `drives`, stands when it is simulated and switched on, mm.
+    /// Where a side of it, by its place in `drives`, stands when it is simulated with this seed and switched on, mm.
     #[must_use]
-    pub fn stands(&self, side: usize) -> f64 {
+    pub fn stands(&self, side: usize, seed: u64) -> f64 {
         let simulation = self.simulation.as_ref();
+        let stream = self.letter.index() as u64;
         let start = simulation.and_then(|simulation| simulation.start);
-        let skew = simulation.map_or(0.0, |simulation| simulation.skew);
-        start.unwrap_or_else(|| self.rest()) + if side == 0 { 0.0 } else { skew }
+        let start = start.map_or_else(|| self.rest(), |it| it.drawn(seed, stream));
+        let skew = simulation.filter(|_| side != 0);
+        let skew = skew.map(|it| it.skew.drawn(seed, COORDINATES as u64 + stream));
+        start + skew.unwrap_or_default()
     }
 }
 

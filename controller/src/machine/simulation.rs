@@ -12,6 +12,7 @@ use syncline_drives::mechanics::friction::Friction;
 use syncline_drives::mechanics::rigid_beam::{self, Beam, Racking};
 use syncline_drives::model::{Direction, Increments, Scaling};
 use syncline_drives::twin;
+use syncline_drives::twin::random::Random;
 use syncline_drives::twin::servo::encoder::EncoderErrors;
 use syncline_drives::twin::servo::motor::{MOTORS, Motor};
 use syncline_gcode as gcode;
@@ -31,12 +32,32 @@ pub struct Simulation {
     pub encoder: Option<EncoderErrors>,
     /// What a scale at the load tells apart, by which its drives close their position loops, mm; `None`: there is none.
     pub scale: Option<f64>,
-    /// Where the axis stands when it is switched on, mm; `None`: where its homing ends, or near zero.
-    pub start: Option<f64>,
-    /// By how much the second side of a gantry stands further then, mm.
-    pub skew: f64,
+    /// Where the axis stands when it is switched on; `None`: where its homing ends, or near zero.
+    pub start: Option<Start>,
+    /// By how much the second side of a gantry stands further then.
+    pub skew: Start,
     /// The switches by which its drives home by themselves.
     pub switches: HomeSwitches,
+}
+
+/// Where something stands when it is switched on, mm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Start {
+    /// There.
+    At(f64),
+    /// Anywhere from the first to the second, as the seed of the simulation draws it.
+    Within(f64, f64),
+}
+
+impl Start {
+    /// The place, mm, of this stream of the seed.
+    #[must_use]
+    pub fn drawn(self, seed: u64, stream: u64) -> f64 {
+        match self {
+            Self::At(place) => place,
+            Self::Within(from, to) => Random::new(seed, stream).between(from, to),
+        }
+    }
 }
 
 /// Switches along an axis that are wired to inputs of its drives which those know for what they are.
@@ -347,11 +368,13 @@ pub(super) fn read(
     let position = if rotary { "(°)" } else { "(mm)" };
     let allowed = format!("a number from -10000000 to 10000000 {position}");
     let start = table.number_if(log, "start", &allowed, |start| start.abs() <= 1e7);
-    let skew = if is_pair {
-        number_or(log, &mut table, "start_skew", 0.0, -1e3..=1e3, position)
-    } else {
-        0.0
-    };
+    let start = start.map(|it| Start::At(it.into_inner()));
+    let start = drawn(log, &mut table, "start_within", "start", start);
+    let skew = is_pair.then(|| {
+        let skew = number_or(log, &mut table, "start_skew", 0.0, -1e3..=1e3, position);
+        let given = (skew != 0.0).then_some(Start::At(skew));
+        drawn(log, &mut table, "start_skew_within", "start_skew", given)
+    });
     let allowed = format!("[from, to] {position}, the first below the second");
     let mut range = |key| {
         table
@@ -370,8 +393,8 @@ pub(super) fn read(
     Some(Simulation {
         ripple,
         switches,
-        start: start.map(Spanned::into_inner),
-        skew,
+        start,
+        skew: skew.flatten().unwrap_or(Start::At(0.0)),
         axis: feed_axis,
         gantry: match gantry {
             Some(gantry) => Some(gantry?),
@@ -380,6 +403,27 @@ pub(super) fn read(
         encoder,
         scale,
     })
+}
+
+/// A start that the seed draws, by this key, in the place of a `given` one.
+fn drawn(
+    log: &mut Log<'_>,
+    table: &mut Table<'_, '_>,
+    key: &'static str,
+    fixed: &str,
+    given: Option<Start>,
+) -> Option<Start> {
+    let allowed = "[from, to], the first below the second";
+    let Some(within) = table.interval_if(log, key, allowed) else {
+        return given;
+    };
+    if given.is_some() {
+        let problem = format!("{}: `{fixed}` and `{key}`", table.title);
+        let help = format!("allowed: one of `{fixed}` and `{key}`");
+        log.report(within.span(), problem, help);
+    }
+    let (from, to) = within.into_inner();
+    Some(Start::Within(from, to))
 }
 
 fn beam(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Option<Gantry> {

@@ -178,9 +178,10 @@ impl MachineState {
         })
     }
 
-    /// Of a simulated machine whose encoders have kept counting: each axis stands where it is said to.
+    /// Of a machine that is simulated with this seed and whose encoders have kept counting: each axis stands where it is
+    /// said to.
     #[must_use]
-    pub fn simulated(machine: &Machine) -> Self {
+    pub fn simulated(machine: &Machine, seed: u64) -> Self {
         let mut state = Self::default();
         for axis in machine
             .axes
@@ -189,7 +190,7 @@ impl MachineState {
         {
             for (side, &drive) in axis.drives.iter().enumerate() {
                 let drive = &machine.drives[drive];
-                let position = drive.scaling.to_increments(axis.stands(side)).ok();
+                let position = drive.scaling.to_increments(axis.stands(side, seed)).ok();
                 let kept = position.map(|position| Kept {
                     origin: Increments::ZERO,
                     position,

@@ -2,7 +2,9 @@
 
 use super::{Port, PortError};
 use crate::bus::{Burst, Received};
-use crate::machine::{Axis, Gantry, InputMeaning, Machine, Seat, Simulation, SpindleDrive};
+use crate::machine::{
+    Axis, COORDINATES, Gantry, InputMeaning, Machine, Seat, Simulation, SpindleDrive,
+};
 use syncline_canopen::{Frame, NodeId};
 use syncline_drives::bus::{Band, BitRate};
 use syncline_drives::mechanics::rigid::Rigid;
@@ -249,7 +251,7 @@ pub fn config(machine: &Machine, index: usize, seed: u64) -> Config {
     };
     let Some(Seat { axis, scaling }) = node.seat else {
         let spindle = machine.spindle_drive().filter(|(place, _)| *place == index);
-        return spindle.map_or(config.clone(), |(_, drive)| turning(drive, config));
+        return spindle.map_or(config.clone(), |(_, drive)| turning(drive, config, seed));
     };
     let axis = &machine.axes[axis];
     let side = axis.drives.iter().position(|it| *it == index);
@@ -258,7 +260,7 @@ pub fn config(machine: &Machine, index: usize, seed: u64) -> Config {
         count.map_or(0.0, |count| scaling.to_revolutions(count))
     };
     let config = Config {
-        position: turns(axis.stands(side.unwrap_or_default())),
+        position: turns(axis.stands(side.unwrap_or_default(), seed)),
         ..config
     };
     if !node.model.is_drive() {
@@ -284,10 +286,11 @@ pub fn config(machine: &Machine, index: usize, seed: u64) -> Config {
 }
 
 /// A drive that turns a spindle.
-fn turning(drive: &SpindleDrive, config: Config) -> Config {
+fn turning(drive: &SpindleDrive, config: Config, seed: u64) -> Config {
     let simulation = drive.simulation.as_ref();
     let travel = drive.scaling.travel_per_revolution();
-    let start = simulation.and_then(|it| it.start).unwrap_or_default();
+    let start = simulation.and_then(|it| it.start);
+    let start = start.map_or(0.0, |it| it.drawn(seed, 2 * COORDINATES as u64));
     let start = drive.scaling.to_increments(start);
     Config {
         position: start.map_or(0.0, |count| drive.scaling.to_revolutions(count)),

@@ -3,6 +3,7 @@
 //! - [`driver`]: a controller on its buses
 //! - [`virtual_time`]: as fast as the CPU allows, deterministic
 //! - [`real_time`]: on the host's clock
+//! - `ends`: what it tells of jobs that are over, in order
 //! - [`planning`]: the program on its way there, in a thread of its own
 //! - `inline_planning`: the same where the cycle's time is not the host's
 //! - [`replay`]: a recorded run once more

@@ -1360,7 +1360,10 @@ fn homing_is_read() {
     assert!(search.captures.is_empty());
     assert_eq!([x.homing.order, z.homing.order], [2, 1]);
     assert_eq!(x.homing.jog_speed, 80.0);
-    assert_eq!([x.rest(), x.stands(0), z.stands(0)], [0.0, 180.0, -40.0]);
+    assert_eq!(
+        [x.rest(), x.stands(0, 0), z.stands(0, 0)],
+        [0.0, 180.0, -40.0]
+    );
     // Without the table an axis has an absolute encoder.
     assert!(parse(PORTAL).unwrap().axes[0].homing.is_absolute());
 }
@@ -1576,6 +1579,17 @@ fn mistakes_of_homing_are_told() {
             "`order`",
         ),
         ("start = -40.0", "start_skew = 1.0", "`start_skew`"),
+        (
+            "start = -40.0",
+            "start_skew_within = [0, 1]",
+            "`start_skew_within`",
+        ),
+        ("start = -40.0", "start_within = [5, 5]", "`start_within`"),
+        (
+            "start = -40.0",
+            "start = -40.0\nstart_within = [0, 5]",
+            "`start` and `start_within`",
+        ),
         (
             "switches = [\"home Z\"]",
             "switches = [\"home Z\"]\nlatch = true",

@@ -4,6 +4,7 @@ use std::path::Path;
 use syncline_canopen::Instant;
 use syncline_controller::machine::Machine;
 use syncline_controller::port::sim::{self, Simulated};
+use syncline_controller::validate::Inputs;
 use syncline_drives::world::Observer;
 
 /// The portal with its gantry's sides on a beam, each on a bus of its own.
@@ -114,6 +115,58 @@ fn a_beam_falls_by_its_own_weight() {
         assert!(
             (speed / (acceleration * time) - 1.0).abs() < 1e-9,
             "{speed} m/s"
+        );
+    }
+}
+
+/// Wherever a seed puts the axes and the skew of a gantry, it is in the ranges of the file, the same for the same seed, and
+/// the machine homes from there.
+#[test]
+fn a_seed_draws_where_axes_stand() {
+    let file = Path::new(concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../examples/router/machine.toml"
+    ));
+    let text = std::fs::read_to_string(file).unwrap();
+    let drawn = "start_within = [-10.0, 700.0]\nstart_skew_within = [-2.0, 2.0]";
+    let text = text.replacen("start = 180.0", drawn, 1);
+    let machine = Machine::parse(file, &text).unwrap();
+    let x = &machine.axes[0];
+    let places: Vec<[f64; 2]> = (0..64)
+        .map(|seed| {
+            let [first, second] = [0, 1].map(|side| x.stands(side, seed));
+            assert_eq!([x.stands(0, seed), x.stands(1, seed)], [first, second]);
+            for (side, place) in [first, second].into_iter().enumerate() {
+                let drive = &machine.drives[x.drives[side]].scaling;
+                let turns = drive.to_revolutions(drive.to_increments(place).unwrap());
+                let config = sim::config(&machine, x.drives[side], seed);
+                assert_eq!(config.position, turns, "seed {seed}, side {side}");
+            }
+            [first, second - first]
+        })
+        .collect();
+    for (which, (least, most)) in [(-10.0, 700.0), (-2.0, 2.0)].into_iter().enumerate() {
+        let mut all: Vec<f64> = places.iter().map(|it| it[which]).collect();
+        all.sort_by(f64::total_cmp);
+        assert!(least <= all[0] && all[63] <= most, "{all:?}");
+        let reach = (all[63] - all[0]) / (most - least);
+        assert!(reach > 0.8, "{all:?}");
+        assert!(all.windows(2).all(|two| two[0] < two[1]), "{all:?}");
+    }
+    // The axes that are not drawn stand where they are said to.
+    assert_eq!(machine.axes[1].stands(0, 5), machine.axes[1].stands(0, 6));
+    let folder = tempfile::tempdir().unwrap();
+    let (file, program) = (folder.path().join("m.toml"), folder.path().join("p.ngc"));
+    std::fs::write(&file, &text).unwrap();
+    std::fs::write(&program, "G0 X100 Y50\nM2\n").unwrap();
+    let inputs = Inputs::read(&file, &[], None).unwrap();
+    for seed in 0..3 {
+        let program = inputs.programs.file(&program);
+        let (summary, _) = inputs.validate(program, seed, false, |_| true).unwrap();
+        assert_eq!(
+            summary.verdict, "pass",
+            "seed {seed}: {:?}",
+            summary.violations
         );
     }
 }
