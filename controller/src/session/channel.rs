@@ -198,9 +198,12 @@ impl Event {
     }
 }
 
-/// The session's end of its subscribers.
+/// The session's end of its subscribers. What is told is delivered once the status shows what it has led to.
 #[derive(Default)]
-pub(super) struct Outlets(Vec<Outlet>);
+pub(super) struct Outlets {
+    all: Vec<Outlet>,
+    told: Vec<Event>,
+}
 
 struct Outlet {
     events: Sender<Event>,
@@ -218,22 +221,29 @@ impl Outlets {
     pub(super) fn subscribe(&mut self) -> Subscription {
         let (tell, events) = channel::bounded(EVENTS);
         let missed = Arc::new(AtomicU64::new(0));
-        self.0.push(Outlet {
+        self.all.push(Outlet {
             events: tell,
             missed: Arc::clone(&missed),
         });
         Subscription { events, missed }
     }
 
-    /// Tells everybody. Who does not listen misses it, and it is counted.
-    pub(super) fn tell(&mut self, event: &Event) {
-        self.0.retain(|outlet| {
-            let told = outlet.events.try_send(event.clone());
-            if let Err(TrySendError::Full(_)) = told {
-                outlet.missed.fetch_add(1, Ordering::Relaxed);
-            }
-            !matches!(told, Err(TrySendError::Disconnected(_)))
-        });
+    /// Tells everybody, with the next delivery.
+    pub(super) fn tell(&mut self, event: Event) {
+        self.told.push(event);
+    }
+
+    /// Delivers what was told. Who does not listen misses it, and it is counted.
+    pub(super) fn deliver(&mut self) {
+        for event in self.told.drain(..) {
+            self.all.retain(|outlet| {
+                let told = outlet.events.try_send(event.clone());
+                if let Err(TrySendError::Full(_)) = told {
+                    outlet.missed.fetch_add(1, Ordering::Relaxed);
+                }
+                !matches!(told, Err(TrySendError::Disconnected(_)))
+            });
+        }
     }
 }
 
@@ -265,6 +275,17 @@ impl Subscription {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn events_come_once_the_status_shows_them() {
+        let mut outlets = Outlets::default();
+        let listener = outlets.subscribe();
+        outlets.tell(Event::State(State::Ready));
+        assert_eq!(listener.events().count(), 0);
+        outlets.deliver();
+        outlets.deliver();
+        assert_eq!(listener.events().count(), 1);
+    }
 
     #[test]
     fn no_crowd_of_commands_keeps_a_stop_out() {

@@ -10,11 +10,11 @@
 use super::{Command, Refusal, Status};
 use crate::control::{Job, JobKind, Layout, Order, Outcome, State, Switch};
 use crate::machine::{COORDINATES, Position};
-use crate::program::{Interrupted, Left, Moves, Program, Programs, Setting};
+use crate::program::{Interrupted, Left, ModalState, Moves, Program, Programs, Setting};
 use crate::run::Work;
 use std::fs::File;
 use std::path::{Path, PathBuf};
-use syncline_gcode::{AxisSet, InEffect, Memory, Place, WorkCoordinates};
+use syncline_gcode::{AxisSet, InEffect, Memory, Modes, Place, WorkCoordinates};
 
 /// See the module.
 pub(super) struct Jobs {
@@ -28,6 +28,8 @@ pub(super) struct Jobs {
     at_work: Option<AtWork>,
     /// The program that can be resumed.
     interrupted: Option<Interrupted>,
+    /// What is in effect in the program that is held for lines that are typed in, until such lines have left something.
+    aside: Option<ModalState>,
     /// What lines have left that were typed in where that rests.
     beside: Option<Memory>,
 }
@@ -71,6 +73,7 @@ impl Jobs {
             count: 0,
             at_work: None,
             interrupted: None,
+            aside: None,
             beside: None,
         }
     }
@@ -80,14 +83,20 @@ impl Jobs {
         &self.programs
     }
 
-    /// What lines that are typed in now begin with, as far as it is known.
-    pub(super) fn memory(&self) -> &Memory {
-        self.beside.as_ref().unwrap_or(self.programs.memory())
+    /// What lines that are typed in now begin with.
+    pub(super) fn in_effect(&self) -> (WorkCoordinates, &Modes) {
+        match (&self.beside, &self.aside) {
+            (None, Some(aside)) => (aside.coordinates, &aside.modes),
+            (beside, _) => {
+                let memory = beside.as_ref().unwrap_or(self.programs.memory());
+                (self.programs.coordinates(memory), memory.modes())
+            }
+        }
     }
 
-    /// The coordinates of such lines.
-    pub(super) fn coordinates(&self) -> WorkCoordinates {
-        self.programs.coordinates(self.memory())
+    /// No program is held for lines any more.
+    pub(super) fn leave_hold(&mut self) {
+        (self.aside, self.beside) = (None, None);
     }
 
     /// The program that is loaded.
@@ -253,9 +262,15 @@ impl Jobs {
         }
     }
 
-    /// The job has begun. A program that was held for it is to be resumed there, in this line; one that begins is the one
-    /// that can be resumed.
-    pub(super) fn begun(&mut self, number: u64, held: Resumable, line: u32, tool: u32) {
+    /// The job has begun. A program that was held for it is to be resumed there, in this line, with what is in effect there;
+    /// one that begins is the one that can be resumed.
+    pub(super) fn begun(
+        &mut self,
+        number: u64,
+        (held, in_effect): (Resumable, Option<ModalState>),
+        line: u32,
+        tool: u32,
+    ) {
         let Some(it) = self.at_work.as_mut().filter(|it| it.job.number == number) else {
             return;
         };
@@ -267,10 +282,11 @@ impl Jobs {
             && let Some((start, place)) = held
         {
             self.interrupted = Some(Interrupted::new(&before.program, start, place, line));
+            self.aside = in_effect;
             self.programs.forget(tool);
         }
         if !is_beside {
-            self.beside = None;
+            self.leave_hold();
         }
     }
 
@@ -295,7 +311,7 @@ impl Jobs {
             (None, JobKind::Mdi, Outcome::Broken) => {}
             (None, JobKind::Mdi, _) => {
                 self.programs.stop(tool);
-                self.beside = None;
+                self.leave_hold();
             }
         }
         switched_off

@@ -247,6 +247,7 @@ impl<T: Timeline> Session<T> {
             Progress::More
         });
         desk.record(timeline, progress == Progress::Ended);
+        desk.outlets.deliver();
         progress
     }
 
@@ -373,7 +374,7 @@ impl Desk {
         } = command
         {
             let (line, text) = (self.job.line, text.clone());
-            self.outlets.tell(&Event::Message { line, text });
+            self.outlets.tell(Event::Message { line, text });
         }
         let begins = resumes || matches!(asks, Some(Request::Begin | Request::TypedLines));
         let Some(jobs) = &mut self.jobs else {
@@ -457,7 +458,7 @@ impl Desk {
             }
             _ => {}
         }
-        self.outlets.tell(&Event::Accepted(Accepted {
+        self.outlets.tell(Event::Accepted(Accepted {
             cycle: self.cycle,
             source: issued.source.to_string(),
             command: issued.command,
@@ -472,7 +473,7 @@ impl Desk {
             setpoint,
             ..
         } = self.status;
-        let held = self.job.place(Some(&setpoint));
+        let held = (self.job.place(Some(&setpoint)), self.job.modal.take());
         if let Some(jobs) = &mut self.jobs {
             jobs.begun(number, held, line, tool);
         }
@@ -500,7 +501,7 @@ impl Desk {
     }
 
     fn refuse(&mut self, issued: Issued, reason: Refusal) {
-        self.outlets.tell(&Event::Refused(Refused {
+        self.outlets.tell(Event::Refused(Refused {
             source: issued.source.to_string(),
             command: issued.command,
             reason,
@@ -518,7 +519,7 @@ impl Desk {
     }
 
     fn problem(&mut self, error: RunError) {
-        self.outlets.tell(&Event::Problem(Arc::new(error)));
+        self.outlets.tell(Event::Problem(Arc::new(error)));
     }
 
     /// Hands the flight recorder the frames. Once the machine rests after a fault it is written what was
@@ -533,7 +534,7 @@ impl Desk {
         let rests = ended || self.state == State::Faulted;
         let begun = if rests { recorder.write() } else { None };
         match begun.or_else(|| recorder.written(ended)) {
-            Some(Ok(files)) => self.outlets.tell(&Event::Recorded(files)),
+            Some(Ok(files)) => self.outlets.tell(Event::Recorded(files)),
             Some(Err(error)) => self.problem(error.into()),
             None => {}
         }
@@ -566,11 +567,13 @@ impl Desk {
                 if let Some(jobs) = &mut self.jobs {
                     jobs.over(job, outcome, left, self.status.tool);
                 }
+                self.leave_hold();
                 self.show_programs();
                 self.show_state();
             }
             CycleReport::Event(control::Event::State(state)) => {
                 self.state = state;
+                self.leave_hold();
                 self.show_state();
             }
             CycleReport::Event(event) => {
@@ -618,7 +621,7 @@ impl Desk {
                     self.switched_off(switch);
                 }
                 self.status.waits = event.rests().unwrap_or(self.status.waits);
-                self.outlets.tell(&Event::Machine(event));
+                self.outlets.tell(Event::Machine(event));
             }
             CycleReport::Row(row) => self.follow(&row),
             CycleReport::BusFailed(error) => self.problem(RunError::Port(error)),
@@ -705,7 +708,7 @@ impl Desk {
             Switch::Coolant(coolant) => self.status.coolant = coolant,
             Switch::Message => {
                 if let Some(text) = self.job.moves.next_message() {
-                    self.outlets.tell(&Event::Message { line, text });
+                    self.outlets.tell(Event::Message { line, text });
                 }
             }
             // Its name comes with it.
@@ -756,7 +759,18 @@ impl Desk {
         let shown = self.status.state;
         let state = jobs.map_or(self.state, |jobs| jobs.state(self.state, shown));
         if std::mem::replace(&mut self.status.state, state) != state {
-            self.outlets.tell(&Event::State(state));
+            self.outlets.tell(Event::State(state));
+        }
+    }
+
+    /// Where the machine is in a state that no hold leads to, no program is held for typed lines any more.
+    fn leave_hold(&mut self) {
+        use State::{Disabled, Faulted, Off, Ready, Starting};
+        if let Some(jobs) = &mut self.jobs
+            && matches!(self.state, Ready | Faulted | Disabled | Starting | Off)
+        {
+            jobs.leave_hold();
+            self.show_programs();
         }
     }
 
@@ -764,7 +778,7 @@ impl Desk {
     fn show_programs(&mut self) {
         let (coordinates, modes) = match (&self.job.modal, &self.jobs) {
             (Some(modal), _) => (modal.coordinates, &modal.modes),
-            (None, Some(jobs)) => (jobs.coordinates(), jobs.memory().modes()),
+            (None, Some(jobs)) => jobs.in_effect(),
             (None, None) => return,
         };
         self.status.offset = coordinates.origin.0;
