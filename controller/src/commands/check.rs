@@ -89,7 +89,7 @@ impl Args {
         let program = self.switches.program(&programs, file)?;
         let extent = program.check(machine.rest())?;
         if let Some(beginning) = program.beginning(machine.rest())? {
-            println!("{beginning}");
+            println!("line {}: {beginning}", beginning.line());
         }
         Ok(extent)
     }

@@ -155,7 +155,8 @@ impl Args {
 fn confirm(beginning: &Beginning) -> Result<(), NotConfirmed> {
     // What was typed ahead answers no question. Where input is no terminal nobody typed it.
     let _ = tcflush(std::io::stdin(), QueueSelector::IFlush);
-    eprintln!("{beginning}\npress Enter to begin there, Ctrl-C to give up");
+    let line = beginning.line();
+    eprintln!("line {line}: {beginning}\npress Enter to begin there, Ctrl-C to give up");
     match std::io::stdin().read_line(&mut String::new()) {
         Ok(bytes) if bytes > 0 => Ok(()),
         _ => Err(NotConfirmed),

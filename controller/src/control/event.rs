@@ -33,8 +33,8 @@ const SPEED_LOST: &str = "the spindle lost its speed in the cut, its input says:
                           watched again once the input is on";
 
 /// What a held program that was left for typed lines waits for.
-const SET_ASIDE: &str = "the program waits, and nothing goes on by itself: `resume` reads it anew from the block at work, \
-                         with the offsets and tools as they are then; `stop` gives it up";
+const SET_ASIDE: &str = "the program waits: `resume` reads it anew from the block at work, with the offsets and tools as they \
+                         are then; `stop` gives it up";
 
 /// Something worth a line in the log.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -189,7 +189,7 @@ pub enum DeviceCause {
         emergency: Emergency,
     },
     /// It says that it has a fault.
-    #[error("drive fault, {word}: read its error memory, clear the cause, start again")]
+    #[error("drive fault, {word}: read its error memory, and clear its cause")]
     Reported {
         /// What it says of itself.
         word: StatusWord,
@@ -397,7 +397,10 @@ pub enum BlockCause {
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum BusCause {
     /// Too many bursts were dropped or late.
-    #[error("setpoints missed their SYNC {count} times: this host or bus does not hold the cycle")]
+    #[error(
+        "setpoints missed their SYNC {count} times: this host or bus does not hold the cycle; look at `syncline doctor` \
+         and `syncline bench cycle`, or take a longer `cycle_us`"
+    )]
     LateSetpoints {
         /// Bursts that missed their SYNC so far.
         count: u64,
@@ -429,7 +432,7 @@ pub enum BusCause {
     /// The interface failed; its message is in the event log.
     #[error(
         "the interface failed, drives out of reach stop by lost heartbeat: mend what its message \
-         says, start again"
+         says"
     )]
     Failed,
 }
@@ -555,7 +558,7 @@ impl Fault {
     pub fn describe(&self, names: &impl Names) -> String {
         match *self {
             Self::Device(device, cause @ DeviceCause::Emergency { emergency }) => format!(
-                "{}: {cause}{}: clear its cause, start again",
+                "{}: {cause}{}: clear its cause",
                 names.subject(device),
                 names.vendor_part(device, &emergency)
             ),
@@ -575,14 +578,14 @@ impl Fault {
             Self::Spindle(cause) => cause.to_string(),
             Self::Block(line, cause) => format!("line {line}: {}", cause.describe(names)),
             Self::LateWakeUp { late_ns } => format!(
-                "the cycle woke up {:.3} ms late, and --strict allows none",
+                "the cycle woke up {:.3} ms late, and --strict allows none: look at `syncline doctor`",
                 late_ns as f64 * 1e-6
             ),
             Self::Program => {
-                "the program could not go on: see its message, mend it, start again".to_owned()
+                "the program could not go on: see its message, and mend it".to_owned()
             }
             Self::NotEnabled { input } => format!(
-                "the enabling input \"{}\" is off: switch it on and start again",
+                "the enabling input \"{}\" is off: switch it on",
                 names.input(input)
             ),
             Self::Touched => {

@@ -21,7 +21,7 @@ impl Entered {
     }
 }
 
-/// The state in which a line in the middle of a program begins.
+/// The state in which a line in the middle of a program begins, told behind the line's number: `begins with G1 …`.
 #[derive(Clone, Debug)]
 pub struct Beginning {
     line: u32,
@@ -49,11 +49,11 @@ fn switched(action: &Action) -> Option<String> {
 
 impl fmt::Display for Beginning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { line, modes, .. } = self;
-        match self.behind {
-            true => write!(f, "behind line {line} the program goes on with {modes}, at")?,
-            false => write!(f, "line {line} begins with {modes}, at")?,
-        }
+        let begins = match self.behind {
+            true => "behind it the program goes on",
+            false => "begins",
+        };
+        write!(f, "{begins} with {}, at", self.modes)?;
         for axis in self.axes.iter() {
             write!(f, " {axis}{:.3}", self.position[axis])?;
         }
@@ -66,6 +66,14 @@ impl fmt::Display for Beginning {
             true => f.write_str(TAPS),
             false => Ok(()),
         }
+    }
+}
+
+impl Beginning {
+    /// The line at which the program begins, or behind which it goes on.
+    #[must_use]
+    pub fn line(&self) -> u32 {
+        self.line
     }
 }
 

@@ -225,7 +225,7 @@ fn a_line_to_begin_at_is_described() {
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let described = text(&output.stdout);
     assert!(
-        described.contains("line 61 begins with G3 G17 G21") && described.contains("G61.1 F"),
+        described.contains("line 61: begins with G3 G17 G21") && described.contains("G61.1 F"),
         "{described}"
     );
     assert!(refused(&[PORTAL, bracket, "--from-line", "9999"]).contains("before line 9999"));

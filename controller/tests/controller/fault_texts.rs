@@ -133,13 +133,12 @@ texts! {
     Fault::Device(2, DeviceCause::Emergency {
         emergency: Emergency { code: 0x3130, register: 5, vendor: [0, 0, 0, 0x05, 0xA3] },
     }),
-    "node 3 (Y, LXM32M): EMCY 3130h, error register 05h, vendor error A305h: clear its cause, \
-     start again";
+    "node 3 (Y, LXM32M): EMCY 3130h, error register 05h, vendor error A305h: clear its cause";
 
     Fault::Device(_, DeviceCause::Reported { .. }),
     Fault::Device(2, DeviceCause::Reported { word: SWITCHED_ON }),
-    "node 3 (Y, LXM32M): drive fault, statusword 0233h (Switched On): read its error memory, clear \
-     the cause, start again";
+    "node 3 (Y, LXM32M): drive fault, statusword 0233h (Switched On): read its error memory, and \
+     clear its cause";
 
     Fault::Device(_, DeviceCause::NotFollowing { .. }),
     Fault::Device(2, DeviceCause::NotFollowing {
@@ -261,7 +260,8 @@ texts! {
 
     Fault::Bus(_, BusCause::LateSetpoints { .. }),
     Fault::Bus(0, BusCause::LateSetpoints { count: 2 }),
-    "bus portal: setpoints missed their SYNC 2 times: this host or bus does not hold the cycle";
+    "bus portal: setpoints missed their SYNC 2 times: this host or bus does not hold the cycle; look \
+     at `syncline doctor` and `syncline bench cycle`, or take a longer `cycle_us`";
 
     Fault::Bus(_, BusCause::TornBurst), Fault::Bus(0, BusCause::TornBurst),
     "bus portal: only a part of one cycle's setpoints could be queued: see `syncline doctor` for the \
@@ -281,16 +281,16 @@ texts! {
 
     Fault::Bus(_, BusCause::Failed), Fault::Bus(0, BusCause::Failed),
     "bus portal: the interface failed, drives out of reach stop by lost heartbeat: mend what its \
-     message says, start again";
+     message says";
 
     Fault::LateWakeUp { .. }, Fault::LateWakeUp { late_ns: 2_500_000 },
-    "the cycle woke up 2.500 ms late, and --strict allows none";
+    "the cycle woke up 2.500 ms late, and --strict allows none: look at `syncline doctor`";
 
     Fault::Program, Fault::Program,
-    "the program could not go on: see its message, mend it, start again";
+    "the program could not go on: see its message, and mend it";
 
     Fault::NotEnabled { .. }, Fault::NotEnabled { input: 0 },
-    "the enabling input \"enable\" is off: switch it on and start again";
+    "the enabling input \"enable\" is off: switch it on";
 
     Fault::Axis(_, AxisCause::Unreferenced), Fault::Axis(1, AxisCause::Unreferenced),
     "axis Y is not referenced: let it be homed by `at_start` in [homing], or home it in `syncline \

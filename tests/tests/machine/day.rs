@@ -137,7 +137,7 @@ fn a_program_that_begins_at_a_line_waits_for_cycle_start() {
     let (line, told) = &rig.messages[0];
     assert_eq!(*line, 5);
     for part in [
-        "line 5 begins with G1 G17 G21 G40 G49 G54 G90 ",
+        "begins with G1 G17 G21 G40 G49 G54 G90 ",
         " F6000 S500 M3 M8, at X40.000 Y",
         "; switched on the way there: the spindle, the coolant",
     ] {

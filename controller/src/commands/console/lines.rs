@@ -125,7 +125,8 @@ impl Reader {
         match line {
             "stop" | "feed_hold" => {
                 if line == "stop" {
-                    self.waiting.clear();
+                    let dropped = self.waiting.drain(..).filter(|waiting| waiting != WAIT);
+                    dropped.for_each(|line| println!("not done, as a stop came before it: {line}"));
                 }
                 return self.obey(line);
             }
@@ -228,8 +229,16 @@ fn shown(status: &Status, machine: &Machine) -> String {
         positions(&status.work_position()),
         positions(&status.actual),
     );
+    let unreferenced: String = letters()
+        .filter(|axis| !status.referenced[axis.index()])
+        .map(|axis| format!(" {axis}"))
+        .collect();
+    let unreferenced = match unreferenced.is_empty() {
+        true => unreferenced,
+        false => format!(", not homed{unreferenced}"),
+    };
     format!(
-        "{}: work{work}, machine{machine}, tool {}, {}",
+        "{}: work{work}, machine{machine}{unreferenced}, tool {}, {}",
         status.state_in_words(),
         status.tool,
         status.modes

@@ -109,12 +109,14 @@ fn header(model: &Model, width: u16) -> Line<'static> {
         .fg(colour)
         .add_modifier(Modifier::BOLD | Modifier::REVERSED);
     let name = format!(" {} ", model.status.state_in_words().to_uppercase());
-    let (program, time) = (values::program(model), values::time(model));
-    let used = name.chars().count() + program.chars().count() + time.chars().count() + 2;
-    let gap = usize::from(width).saturating_sub(used);
+    let time = values::time(model);
+    // Of a long name the beginning is shown; the time stays whole.
+    let room = usize::from(width).saturating_sub(name.chars().count() + 2);
+    let room = room.saturating_sub(time.chars().count() + 1);
+    let program = shortened(&values::program(model), room);
     Line::from(vec![
         Span::styled(name, style),
-        Span::raw(format!("  {program}{:gap$}{time}", "")),
+        Span::raw(format!("  {program:room$} {time}")),
     ])
 }
 
@@ -216,29 +218,49 @@ fn draw_program(frame: &mut Frame, model: &Model, area: Rect) {
 fn draw_messages(frame: &mut Frame, model: &Model, area: Rect) {
     let block = Block::new().borders(Borders::TOP).title(" messages ");
     let inner = block.inner(area);
-    let width = usize::from(inner.width).max(1);
-    let rows = |text: &str| text.chars().count().div_ceil(width).max(1);
-    let red = Style::new().fg(Color::Red);
-    let mut lines: Vec<Line> = Vec::new();
-    let mut room = usize::from(inner.height);
-    for fault in model.faults() {
-        room = room.saturating_sub(rows(&fault));
-        lines.push(Line::styled(fault, red));
-    }
-    let mut last = Vec::new();
-    for message in model.messages.iter().rev() {
-        let needed = message.lines().map(rows).sum::<usize>();
-        if needed > room {
-            break;
+    let [width, height] = [inner.width, inner.height].map(usize::from);
+    let rows = |text: &String| wrapped(text, width);
+    let faults: Vec<_> = model.faults().iter().map(rows).collect();
+    let mut messages = model.messages.iter().rev().map(rows);
+    // The first cause and what was told last have their beginnings shown however little room there is.
+    let newest = messages.next().unwrap_or_default();
+    let first = faults.first().map_or(0, Vec::len);
+    let for_newest = newest.len().min(height.saturating_sub(first));
+    let for_newest = for_newest.max(newest.len().min(height / 2));
+    let mut room = height - for_newest;
+    let mut red = Vec::new();
+    for row in faults.into_iter().flatten() {
+        if room > 0 {
+            room -= 1;
+            red.push(Line::styled(row, Style::new().fg(Color::Red)));
         }
-        room -= needed;
-        last.push(message);
     }
-    for message in last.into_iter().rev() {
-        lines.extend(message.lines().map(|line| Line::raw(line.to_owned())));
+    let mut told = vec![newest[..for_newest].to_vec()];
+    for message in messages {
+        let rows = message.len().min(room);
+        room -= rows;
+        told.push(message[..rows].to_vec());
     }
-    let messages = Paragraph::new(lines).wrap(Wrap { trim: false });
-    frame.render_widget(messages.block(block), area);
+    let told = told.into_iter().rev().flatten().map(Line::raw);
+    let lines: Vec<Line> = red.into_iter().chain(told).collect();
+    frame.render_widget(Paragraph::new(lines).block(block), area);
+}
+
+/// The rows of a text, none wider than so many columns: words stay whole if they fit.
+fn wrapped(text: &str, width: usize) -> Vec<String> {
+    let mut rows = Vec::new();
+    for line in text.lines() {
+        let mut rest: Vec<char> = line.chars().collect();
+        while rest.len() > width {
+            let space = rest[..=width].iter().rposition(|it| *it == ' ');
+            let at = space.filter(|at| *at > 0).unwrap_or(width.max(1));
+            let behind = rest.split_off(at);
+            rows.push(rest.into_iter().collect());
+            rest = behind.into_iter().skip_while(|it| *it == ' ').collect();
+        }
+        rows.push(rest.into_iter().collect());
+    }
+    rows
 }
 
 fn footer(model: &Model) -> Line<'static> {
@@ -424,8 +446,8 @@ mod tests {
         model.status.interrupted = Some(3);
         model.status.stopped = Some(Stopped {
             faults: vec![
-                "drive Y: drive fault, statusword 0238h: read its error memory, clear the cause, \
-                 start again"
+                "drive Y: drive fault, statusword 0238h: read its error memory, and clear its \
+                 cause"
                     .to_owned(),
                 "drive Z: heartbeat lost: check cabling and supply".to_owned(),
             ],
@@ -502,6 +524,61 @@ mod tests {
             for text in shown {
                 prop_assert!(screen.contains(&format!("{text} ")) || screen.contains(&format!("{text}\"")), "{} in {}", text, screen);
             }
+        }
+    }
+
+    /// Texts of messages: a few words, or several rows of them, some of which fit no row.
+    fn text() -> impl Strategy<Value = String> {
+        let word = select(vec![
+            "axis",
+            "X:",
+            "a",
+            "not",
+            "G1X1000.123Y-500.25Z-1",
+            "homed,",
+        ]);
+        let line = prop::collection::vec(word, 1..60).prop_map(|words| words.join(" "));
+        prop::collection::vec(prop_oneof![line, "[a-z]{1,200}"], 1..5)
+            .prop_map(|lines| lines.join("\n"))
+    }
+
+    proptest! {
+        /// However much there is to tell: the first cause begins on top, what was told last begins below, and how long
+        /// it takes stands in the first row.
+        #[test]
+        fn what_matters_most_is_seen_at_80_columns(
+            faults in prop::collection::vec(text(), 0..6),
+            messages in prop::collection::vec(text(), 0..6),
+            inputs in 0..12usize,
+            name in "[a-z]{1,120}",
+        ) {
+            let mut model = model();
+            model.signals.inputs = (0..inputs).map(|it| format!("an input {it}")).collect();
+            model.status.inputs = vec![true; inputs];
+            model.status.program = Some(format!("/parts/{name}.ngc").into());
+            messages.iter().for_each(|text| model.tell(text.clone()));
+            if !faults.is_empty() {
+                model.status.state = State::Faulted;
+                let faults = faults.clone();
+                model.status.stopped = Some(Stopped { faults, ..Stopped::default() });
+            }
+            let screen = drawn(&model, 80, 24);
+            let newest = messages.last().map_or("no jog while", String::as_str);
+            for text in faults.first().map(String::as_str).into_iter().chain([newest]) {
+                let begins = wrapped(text, 80).swap_remove(0);
+                prop_assert!(screen.contains(&format!("\"{begins}")), "{begins}: {screen}");
+            }
+            let first = screen.lines().next().unwrap_or_default();
+            prop_assert!(first.ends_with(" left\""), "{first}");
+        }
+
+        /// Words are in their order and whole where they fit, and no row is too wide.
+        #[test]
+        fn rows_have_all_words(text in text(), width in 1..100usize) {
+            let rows = wrapped(&text, width);
+            prop_assert!(rows.iter().all(|row| row.chars().count() <= width));
+            let joined = |rows: &[String]| rows.concat().replace(' ', "");
+            prop_assert_eq!(joined(&rows), text.replace([' ', '\n'], ""));
         }
     }
 

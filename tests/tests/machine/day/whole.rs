@@ -676,7 +676,7 @@ fn by_keys_on_a_terminal() {
     keys.press(b":mdi G10 L2 P1 X60\r");
     keys.wait_until(|screen| shown(screen, "X").is_some_and(|x| x > 70.0));
     keys.press(b":resume\r");
-    keys.wait_until(|screen| screen.contains("line 4 begins with"));
+    keys.wait_until(|screen| screen.contains("line 4: begins with"));
     keys.wait_until(starts(" HELD"));
     for leg in ["takes Z to 10.000", "takes X to", "where the path goes on"] {
         keys.press(b"\r");
