@@ -402,17 +402,15 @@ impl AxisControl {
         if !self.is_placed() {
             return Ok(f64::midpoint(least, most));
         }
-        // The encoder's noise on a limit is not outside.
+        // The encoder's noise on a limit is not outside, nor a side of a gantry that is askew: its middle counts.
+        let position = f64::midpoint(least, most);
         let window = self.spec.limits.standstill;
         let (first, last) = self.spec.limits.position;
-        let allowed = first - window..=last + window;
-        for position in [least, most] {
-            if !allowed.contains(&position) {
-                return Err(Fault::Axis(axis, AxisCause::OutsideSoftLimits { position }));
-            }
+        if !(first - window..=last + window).contains(&position) {
+            return Err(Fault::Axis(axis, AxisCause::OutsideSoftLimits { position }));
         }
         self.check_feedback(nodes)?;
-        Ok(least + (most - least) / 2.0)
+        Ok(position)
     }
 
     /// Of a gantry that is being enabled: the side that has been without torque for too long while the

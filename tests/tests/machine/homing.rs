@@ -1,7 +1,6 @@
 //! Axes that have to be homed: from switching on to a program, by each kind and through each failure.
 
 use proptest::prelude::*;
-use std::ops::Range;
 use syncline_controller::control::fault::AxisCause;
 use syncline_controller::control::{
     Event, Fault, HomingFailure, Phase, Refusal as OrderRefusal, State,
@@ -322,7 +321,11 @@ fn each_side_of_a_gantry_needs_its_switch() {
         assert!(matches!(fault, Fault::Axis(0, _)), "{fault:?}");
         assert!(!is_referenced(&rig, AxisLetter::X));
         let apart = truth(&mut rig, X1) - truth(&mut rig, X2);
-        assert!(apart.abs() < 5.0, "{apart}");
+        // What docs/supervision.md states, at the search's 80 mm/s.
+        let limits = &rig.machine.axes[0].limits;
+        let cycle = rig.machine.cycle.as_secs_f64();
+        let stated = limits.skew.unwrap() + 3.0 * cycle * 80.0 + 3200.0 / limits.acceleration;
+        assert!(apart.abs() < stated + 0.02, "{apart} of {stated}");
     }
 }
 
@@ -583,9 +586,10 @@ const X_SWITCHES: &str = "switches = [\"home X1\", \"home X2\"]";
 /// The edges of X are taken from samples, although its drives could capture them.
 const X_BY_SAMPLES: &str = "switches = [\"home X1\", \"home X2\"]\nlatch = false";
 
-/// X of the router, whose second side stands so much further, with that speed of the approach.
+/// X of the router, whose second side stands so much further, with that speed of the approach. What ties that side to its
+/// motor, if it gives way, does so `yielding` times as much as that of the first one, and rubs as much more.
 fn skewed_router(
-    skew: f64,
+    (skew, yielding): (f64, f64),
     slow_speed: f64,
     seed: u64,
     (switches, mechanics): (&str, &str),
@@ -599,6 +603,14 @@ fn skewed_router(
     ];
     let mut rig = Rig::staying_on("router", &replacements, |drive, config| {
         config.seed = seed * 8 + drive as u64;
+        if drive == X2
+            && let Some(axis) = &mut config.axis
+            && let Some(tie) = &mut axis.train.elasticity
+        {
+            tie.stiffness /= yielding;
+            axis.train.guide.coulomb *= yielding;
+            axis.train.guide.breakaway *= yielding;
+        }
     });
     settle(&mut rig);
     assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
@@ -646,51 +658,74 @@ pub(super) fn squared(rig: &mut Rig, limit: f64) -> f64 {
 /// An increment of the router's X, mm: 20 mm a turn.
 pub(super) const INCREMENT: f64 = 20.0 / 131_072.0;
 
-/// Friction and stiffness of the guides of a beam, as the seed has it.
-fn beam(seed: u64) -> String {
-    let friction = 5.0 + 2.0 * (seed % 15) as f64;
-    let stiffness = 1e5 * (1.0 + (seed % 4) as f64);
-    format!(
-        "mechanics = \"rigid_beam\"\nmass = 60.0\ninertia = 12.0\nspan = 1500.0\n\
-         racking_stiffness = {stiffness:?}\nracking_damping = 300.0\nfriction = {friction:?}"
-    )
+/// What the sides of X move, as the seed has it: each by itself and stiff; each by a screw that gives way, against friction;
+/// a beam, against its guides.
+fn mechanics(seed: u64) -> String {
+    let part = |of: u64| (seed / 3 % of) as f64 / of as f64;
+    match seed % 3 {
+        0 => String::new(),
+        1 => {
+            let (stiffness, friction) = (20.0 + 80.0 * part(4), 60.0 * part(5));
+            format!("transmission = \"screw\"\nstiffness = {stiffness:?}\nfriction = {friction:?}")
+        }
+        _ => {
+            let (stiffness, friction) = (1e5 * (1.0 + 3.0 * part(4)), 5.0 + 30.0 * part(5));
+            format!(
+                "mechanics = \"rigid_beam\"\nmass = 60.0\ninertia = 12.0\nspan = 1500.0\n\
+                 racking_stiffness = {stiffness:?}\nracking_damping = 300.0\nfriction = {friction:?}"
+            )
+        }
+    }
+}
+
+/// Takes X square from 3 mm, either way, over speeds of the approach, noise and mechanics: `judge` is told the speed,
+/// what is left, what was told to be taken out and how sure that was, and what it really was, mm. Skew beside what is
+/// planned stays below `skew`.
+fn square(switches: &str, skew: f64, judge: impl Fn(u64, f64, f64, (f64, f64), f64)) {
+    let mut worst = [0.0_f64; 3];
+    for seed in 0..30 {
+        let which = (seed / 3 % 3) as usize;
+        let slow_speed = [0.5, 2.0, 8.0][which];
+        let out = if seed % 2 == 0 { 3.0 } else { -3.0 };
+        let yielding = 1.5 + (seed % 4) as f64;
+        let mechanics = mechanics(seed);
+        let mut rig = skewed_router((out, yielding), slow_speed, seed, (switches, &mechanics));
+        let begin = apart(&mut rig);
+        let left = squared(&mut rig, skew);
+        judge(seed, slow_speed, left, told(&rig), begin);
+        worst[which] = worst[which].max(left.abs());
+    }
+    println!("left at 0.5, 2 and 8 mm/s, mm: {worst:.5?}");
 }
 
 #[test]
 fn a_gantry_is_taken_square_by_captured_edges_at_any_speed() {
-    square_by_captured_edges(0..6);
+    square(
+        X_SWITCHES,
+        0.5,
+        |seed, slow_speed, left, (told, uncertainty), begin| {
+            // The sides stand as exactly as their loops hold them.
+            let off = told - begin;
+            assert!(off.abs() < 5.0 * INCREMENT, "{seed}: {told} of {begin}");
+            let sure = 2.0 * INCREMENT + slow_speed * 11e-6;
+            assert!(uncertainty < sure, "{seed}: {uncertainty}");
+            assert!(left.abs() < 2.0 * INCREMENT, "{seed}: {left}");
+        },
+    );
 }
 
 #[test]
-#[ignore = "thirty seeds: docs/measured.md"]
-fn a_gantry_is_taken_square_by_captured_edges_in_many_seeds() {
-    square_by_captured_edges(0..30);
-}
-
-fn square_by_captured_edges(seeds: Range<u64>) {
-    for seed in seeds {
-        let skew = 3.0 - 0.2 * seed as f64;
-        let slow_speed = [0.5, 2.0, 8.0][seed as usize % 3];
-        let mechanics = if seed % 2 == 0 {
-            String::new()
-        } else {
-            beam(seed)
-        };
-        let mut rig = skewed_router(skew, slow_speed, seed, (X_SWITCHES, &mechanics));
-        let begin = apart(&mut rig);
-        let left = squared(&mut rig, 0.5);
-        // The sides stand as exactly as their loops hold them.
-        let (told, uncertainty) = told(&rig);
-        assert!(
-            (told - begin).abs() < 5.0 * INCREMENT,
-            "{seed}: {told} of {begin}"
-        );
-        assert!(
-            uncertainty < 2.0 * INCREMENT + slow_speed * 11e-6,
-            "{seed}: {uncertainty}"
-        );
-        assert!(left.abs() < 2.0 * INCREMENT, "{seed}: {left}");
-    }
+fn a_gantry_is_taken_square_by_its_switches() {
+    square(
+        X_BY_SAMPLES,
+        0.5,
+        |seed, slow_speed, left, (told, _), begin| {
+            // Either edge is off by half of what the axis moves in a cycle, and by an increment.
+            assert!(left.abs() < slow_speed * 0.002 + 0.001, "{seed}: {left}");
+            let off = told - begin;
+            assert!(off.abs() < slow_speed * 0.002 + 0.002, "{seed}: {off}");
+        },
+    );
 }
 
 /// Contact while the sides of a gantry go where they belong has them rest.
@@ -730,39 +765,6 @@ fn told(rig: &Rig) -> (f64, f64) {
         _ => None,
     });
     told.unwrap()
-}
-
-#[test]
-fn a_gantry_is_taken_square_by_its_switches() {
-    square_by_switches(0..6);
-}
-
-#[test]
-#[ignore = "thirty seeds: docs/measured.md"]
-fn a_gantry_is_taken_square_by_its_switches_in_many_seeds() {
-    square_by_switches(0..30);
-}
-
-fn square_by_switches(seeds: Range<u64>) {
-    for seed in seeds {
-        let skew = 3.0 - 0.2 * seed as f64;
-        let slow_speed = [0.5, 2.0, 8.0][seed as usize % 3];
-        let mut rig = skewed_router(skew, slow_speed, seed, (X_BY_SAMPLES, ""));
-        let left = squared(&mut rig, 0.1);
-        // Either edge is off by half of what the axis moves in a cycle, and by an increment.
-        assert!(left.abs() < slow_speed * 0.002 + 0.001, "{seed}: {left}");
-        let off = told(&rig).0 - skew;
-        assert!(off.abs() < slow_speed * 0.002 + 0.002, "{seed}: {off}");
-    }
-}
-
-#[test]
-fn a_beam_is_taken_square_against_its_guides() {
-    let beam = "mechanics = \"rigid_beam\"\nmass = 60.0\ninertia = 12.0\nspan = 1500.0\n\
-                racking_stiffness = 2e5\nracking_damping = 300.0\nfriction = 20.0";
-    let mut rig = skewed_router(2.0, 2.0, 1, (X_BY_SAMPLES, beam));
-    let left = squared(&mut rig, 0.5);
-    assert!(left.abs() < 0.006, "{left}");
 }
 
 #[test]

@@ -65,6 +65,7 @@ mod run;
 mod scripted;
 mod shaper;
 mod signals;
+mod skew;
 mod soak;
 mod splines;
 mod stepper;

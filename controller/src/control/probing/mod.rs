@@ -42,6 +42,8 @@ use syncline_trajectory::path::Jog;
 const REACHED: f64 = 1e-6;
 /// Cycles from the last sample without contact until the setpoints begin to slow down, at most.
 const REACTION: f64 = 3.0;
+/// Contacts that are no further apart, cycles, are told as one.
+const ONE_CONTACT: u64 = 50;
 
 /// A probing, as the program has it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,6 +87,8 @@ pub(super) struct Probing<const N: usize> {
     samples: Samples<N>,
     /// There has been contact, and where is known with the next sample of all axes.
     touched: bool,
+    /// The cycle of the last contact while nobody was probing.
+    touched_last: Option<u64>,
     /// Cycles that the axes had to settle, where the motion is over.
     settling: u64,
 }
@@ -99,6 +103,7 @@ impl<const N: usize> Probing<N> {
             from: [0.0; N],
             samples: Samples::none(),
             touched: false,
+            touched_last: None,
             settling: 0,
         }
     }
@@ -115,7 +120,10 @@ impl<const N: usize> Probing<N> {
 
     /// Ends it where it is, for good.
     pub(super) fn abort(&mut self) {
-        *self = Self::new();
+        *self = Self {
+            touched_last: self.touched_last,
+            ..Self::new()
+        };
     }
 
     /// Takes what the program asks for at its next stop.
@@ -163,7 +171,11 @@ impl<const N: usize> Controller<N> {
         if probes || rests || self.phase != Phase::Program {
             return;
         }
-        self.tell(Event::Touched);
+        let last = self.probing.touched_last.replace(self.cycle);
+        // What touches bounces, and several drives may hear of it.
+        if last.is_none_or(|last| self.cycle - last > ONE_CONTACT) {
+            self.tell(Event::Touched);
+        }
         if !self.stays_on {
             self.fail(Fault::Touched);
         } else if self.job.is_some() || self.homing.is_active() {
