@@ -194,7 +194,7 @@ impl Communication {
                 pdo.on_sync(sync, app, tx);
             }
             for pdo in &mut self.r_pdos {
-                if let Some(payload) = pdo.take_waiting() {
+                if let Some(payload) = pdo.take_waiting(self.options.r_pdos_count_syncs) {
                     pdo.write(now, payload, app);
                 }
             }

@@ -246,6 +246,9 @@ pub struct Options {
     pub identifiers_at_reset: bool,
     /// Whether the node takes SYNC only while bit 31 of 1005h is set (DS 301 V3).
     pub sync_by_bit_31: bool,
+    /// Whether what an R_PDO of type 1 to 240 brings waits for as many SYNCs as its type, the one that is due included; by
+    /// CiA 301 it takes effect at the next one.
+    pub r_pdos_count_syncs: bool,
     /// What 1006h counts.
     pub cycle_period_unit: Duration,
     /// The object whose milliseconds are the event timer of those T_PDOs that have none of their
@@ -266,6 +269,7 @@ impl Default for Options {
             life_guarding: LifeGuarding::AtExpiry,
             identifiers_at_reset: false,
             sync_by_bit_31: false,
+            r_pdos_count_syncs: false,
             cycle_period_unit: Duration::from_micros(1),
             event_timer: None,
         }

@@ -15,6 +15,8 @@ pub(super) struct RPdo {
     /// The objects in order; `None` is a gap.
     mapping: Vec<(Option<Row>, u8)>,
     waiting: Option<[u8; 8]>,
+    /// SYNCs until what waits takes effect.
+    syncs: u8,
 }
 
 /// What a frame is to an R_PDO.
@@ -37,6 +39,7 @@ impl RPdo {
             kind: TransmissionType::EventProfile,
             mapping: Vec::with_capacity(MAX_MAPPED),
             waiting: None,
+            syncs: 0,
         }
     }
 
@@ -81,15 +84,23 @@ impl RPdo {
         let mut payload = [0; 8];
         payload[..data.len()].copy_from_slice(data);
         if self.kind.is_synchronous() {
-            self.waiting = Some(payload);
+            // One that comes while another one waits takes its place.
+            if self.waiting.replace(payload).is_none() {
+                self.syncs = match self.kind {
+                    TransmissionType::SyncCyclic(every) => every,
+                    _ => 1,
+                };
+            }
             Reception::AtSync
         } else {
             Reception::Now(payload)
         }
     }
 
-    pub(super) fn take_waiting(&mut self) -> Option<[u8; 8]> {
-        self.waiting.take()
+    /// At a SYNC: what takes effect at it, of a node that counts SYNCs or takes the next one.
+    pub(super) fn take_waiting(&mut self, counts: bool) -> Option<[u8; 8]> {
+        self.syncs = self.syncs.saturating_sub(1);
+        self.waiting.take_if(|_| self.syncs == 0 || !counts)
     }
 
     /// Writes a payload to the objects mapped. A value that its object refuses is dropped.

@@ -77,6 +77,8 @@ const VELOCITY_RPM: Assumption = Assumption {
     meaning: "revolutions a minute at which 60FFh counts velocity_units",
 };
 
+// No number is printed. Its times count milliseconds (550-566): assumed is a task of 1 ms that looks at what has come, half of
+// which a frame waits on average.
 const VELOCITY_DELAY: Assumption = Assumption {
     name: "velocity_delay_us",
     default: 500,

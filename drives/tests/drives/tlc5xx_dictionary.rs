@@ -14,9 +14,10 @@ use syncline_drives::twin::tlc5xx::{Twin, TwinConfig};
 const TABLE: &str = include_str!("data/tlc5xx_dictionary.csv");
 
 /// Not the printed default, and why.
-const OTHER_DEFAULTS: [(u16, &str); 3] = [
+const OTHER_DEFAULTS: [(u16, &str); 4] = [
     (0x1003, "1 error although there is none (D-31)"),
     (0x2041, "0 is no state: the number of the present one"),
+    (0x2062, "0 with the power stage off: bit 15 (11019)"),
     (0x606C, "1 at standstill: the present velocity"),
 ];
 

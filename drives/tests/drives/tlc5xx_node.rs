@@ -9,6 +9,7 @@ use syncline_canopen::cia402::State;
 use syncline_canopen::nmt::{self, Command};
 use syncline_canopen::node::BootUp;
 use syncline_drives::mechanics::rigid::Rigid;
+use syncline_drives::twin::servo::cascade::Gains;
 use syncline_drives::twin::tlc5xx::{
     Bit9, DriveError, FaultBits, Policies, Profile, SigProfileError, Twin, TwinConfig,
 };
@@ -519,13 +520,7 @@ fn transmission_types_and_times() {
 /// A synchronous R_PDO takes effect at the SYNC after it, an asynchronous one at once (7720-7743).
 #[test]
 fn a_target_waits_for_sync_or_does_not() {
-    for (kind, waits) in [
-        (0, true),
-        (1, true),
-        (240, true),
-        (254, false),
-        (255, false),
-    ] {
+    for (kind, waits) in [(0, true), (1, true), (254, false), (255, false)] {
         let mut bench = of(config());
         set(&mut bench, 0x1401, 1, 0x301).unwrap();
         set(&mut bench, 0x1401, 2, kind).unwrap();
@@ -558,4 +553,139 @@ fn a_fault_reaction_that_does_not_stop_the_motor_ends() {
     bench.wait(ms(2000));
     assert_eq!(bench.twin().state(), State::Fault);
     assert_eq!(bench.twin().observe().velocity, 0.0);
+}
+
+// ---- how signals brake, and what tells of them ----
+
+/// Increments from the signal until it stands, at 300 r/min: with the input STOP, or by command.
+fn brakes(settings: &[(u16, i32)], by_signal: bool) -> f64 {
+    let mut bench = drive(3);
+    for &(index, value) in [(0x6084, 6000), (0x6085, 60_000)].iter().chain(settings) {
+        set(&mut bench, index, 0, value).unwrap();
+    }
+    set(&mut bench, 0x60FF, 0, 300).unwrap();
+    until(&mut bench, 5, "speed", |bench| {
+        (bench.twin().observe().velocity - 5.0).abs() < 0.02
+    });
+    bench.wait(ms(200));
+    let before = bench.twin().observe().position;
+    match by_signal {
+        true => bench.twin().set_stop(true),
+        false => bench.controlword(1, 0x0B),
+    }
+    bench.wait(ms(1500));
+    assert_eq!(bench.twin().state(), State::QuickStopActive);
+    let seen = bench.twin().observe();
+    assert!(seen.velocity.abs() < 0.01, "{seen:?}");
+    seen.position - before
+}
+
+/// 204Ch chooses between the ramp of the movement and the quick stop current of 204Dh (10516-10560); the command has 6085h.
+#[test]
+fn what_a_signal_brakes_by() {
+    // v²/2a in revolutions, at 5 rev/s, and what it goes until its loops have it.
+    let way = |ramp: f64| 12.5 / ramp;
+    let gains = Gains::default();
+    let by_current = |amperes: f64| {
+        way(amperes * gains.torque_constant / gains.inertia / core::f64::consts::TAU)
+    };
+    for (settings, by_signal, expected) in [
+        (&[][..], true, way(100.0)),
+        (&[(0x204C, 0b011)], true, way(100.0)),
+        (&[(0x204C, 0b100), (0x204D, 50)], true, by_current(0.5)),
+        (&[(0x204C, 0b100), (0x204D, 100)], true, by_current(1.0)),
+        (&[(0x204C, 0b100), (0x204D, 50)], false, way(1000.0)),
+    ] {
+        let went = brakes(settings, by_signal);
+        // A position loop of 1/80 s lags by that at 5 rev/s, and catches up.
+        let lag = 5.0 / gains.position;
+        println!(
+            "{settings:X?} {by_signal}: {went:.4} of {:.4} rev",
+            expected + lag
+        );
+        assert!(
+            (went - expected - lag).abs() < 0.02 + 0.1 * expected,
+            "{settings:X?}: {went}, {expected}"
+        );
+    }
+}
+
+/// 2041h tells internal, external and warning apart (10099-10105), 2062h which internal one (11015-11021).
+#[test]
+fn internal_and_external_signals_are_told_apart() {
+    const INTERNAL: u32 = 1 << 5;
+    const EXTERNAL: u32 = 1 << 6;
+    const WARNING: u32 = 1 << 7;
+    let bits = |bench: &mut Bench<Twin>| {
+        let status = bench.number(1, 0x2041, 0) & (INTERNAL | EXTERNAL | WARNING);
+        (status, bench.number(1, 0x2062, 0))
+    };
+    let mut bench = of(config());
+    assert_eq!(bits(&mut bench), (0, 1 << 15));
+    let mut bench = drive(3);
+    assert_eq!(bits(&mut bench), (0, 0));
+    // By command.
+    bench.controlword(1, 0x0B);
+    assert_eq!(bits(&mut bench), (0, 1 << 7));
+    bench.controlword(1, 0x0F);
+    assert_eq!(bits(&mut bench), (0, 0));
+    // By an input.
+    set(&mut bench, 0x60FF, 0, 300).unwrap();
+    bench.wait(ms(100));
+    bench.twin().set_stop(true);
+    bench.wait(ms(100));
+    assert_eq!(bits(&mut bench), (EXTERNAL, 0));
+    bench.twin().set_stop(false);
+    bench.wait(ms(1500));
+    bench.controlword(1, 0x80);
+    assert_eq!(bits(&mut bench).0, 0);
+    // By a software limit.
+    let mut bench = drive(3);
+    for (index, sub, value) in [(0x2052, 0, 5000), (0x2053, 0, -5000), (0x2054, 0, 0x60)] {
+        set(&mut bench, index, sub, value).unwrap();
+    }
+    set(&mut bench, 0x60FF, 0, 300).unwrap();
+    until(&mut bench, 5, "stop", |bench| {
+        bench.twin().state() == State::QuickStopActive
+    });
+    assert_eq!(bits(&mut bench), (INTERNAL, 1 << 5));
+    // A target that is not taken warns.
+    let mut bench = drive(1);
+    set(&mut bench, 0x2052, 0, 5000).unwrap();
+    set(&mut bench, 0x2053, 0, -5000).unwrap();
+    set(&mut bench, 0x2054, 0, 0x60).unwrap();
+    set(&mut bench, 0x607A, 0, 6000).unwrap();
+    bench.controlword(1, 0x5F);
+    assert_eq!(bits(&mut bench).0, WARNING);
+}
+
+/// What an R_PDO of type n brings takes effect at the nth SYNC (7729-7730), the last of several that come meanwhile.
+#[test]
+fn an_r_pdo_waits_for_as_many_syncs_as_its_type() {
+    for kind in [0, 1, 2, 5, 240] {
+        let mut bench = of(config());
+        set(&mut bench, 0x1401, 1, 0x301).unwrap();
+        set(&mut bench, 0x1401, 2, kind).unwrap();
+        let read = |bench: &mut Bench<Twin>| bench.read_i32(1, 0x607A, 0);
+        bench.nmt(Command::Start, 1);
+        let syncs = kind.max(1);
+        for (target, again) in [(1000, false), (2000, true)] {
+            let before = read(&mut bench);
+            let send = |bench: &mut Bench<Twin>, target: i32| {
+                let [a, b, c, d] = target.to_le_bytes();
+                bench.send(0x301, &[0, 0, a, b, c, d]);
+                bench.wait(ms(1));
+            };
+            send(&mut bench, if again { -7 } else { target });
+            for sync in 1..=syncs {
+                assert_eq!(read(&mut bench), before, "type {kind}, SYNC {sync}");
+                if again && sync == syncs {
+                    send(&mut bench, target);
+                }
+                bench.sync();
+                bench.wait(ms(1));
+            }
+            assert_eq!(read(&mut bench), target, "type {kind}");
+        }
+    }
 }

@@ -11,7 +11,8 @@ use syncline_drives::bus::Band;
 use syncline_drives::twin::node::Processor;
 use syncline_drives::twin::servo::shaft::Shaft;
 use syncline_drives::twin::tsp10::{
-    Policies, RelativeTo, SecondTarget, StandbyUnit, Switches, TPdoTrigger, Twin, TwinConfig,
+    HaltedTarget, Policies, RelativeTo, SecondTarget, StandbyUnit, Switches, TPdoTrigger, Twin,
+    TwinConfig,
 };
 use syncline_drives::twin::{Disturbance, ErrorClass, SimulatedDevice};
 
@@ -634,4 +635,119 @@ fn a_limit_switch_is_told_with_the_power_stage_off() {
     *shaft = Shaft::new(syncline_drives::mechanics::rigid::Rigid::default(), 0.0);
     bench.wait(ms(10));
     assert_eq!(status(&mut bench) & 0x0800, 0);
+}
+
+// ---- halt ----
+
+/// How far it goes from the word with bit 8 until it stands, steps.
+fn halts(bench: &mut Bench<Twin>, word: u16) -> i32 {
+    let before = position(bench);
+    bench.controlword(1, word);
+    until(bench, "standstill", |bench| {
+        bench.twin().observe().velocity.abs() < 0.01
+    });
+    bench.wait(ms(300));
+    (position(bench) - before).abs()
+}
+
+/// In homing bit 8 brakes with 609Ah, and the movement goes on when it falls (907-908).
+#[test]
+fn halt_interrupts_homing() {
+    // From rest, at speed, on the way off the switch: 10 000 steps/s, and ramps of 20 000 steps/s².
+    for halted_after in [20, 400, 1100, 1350] {
+        let mut bench = of(TwinConfig {
+            position: 0.0,
+            switches: Switches {
+                lower_limit: Some(-2.0),
+                upper_limit: Some(2.0),
+                reference: Some(0.75..1.25),
+            },
+            ..config()
+        });
+        enabled(&mut bench, 6);
+        set(&mut bench, 0x609A, 0, 20_000).unwrap();
+        set(&mut bench, 0x607C, 0, 5000).unwrap();
+        set(&mut bench, 0x6098, 0, 24).unwrap();
+        bench.controlword(1, 0x1F);
+        bench.wait(ms(halted_after));
+        let velocity = bench.twin().observe().velocity.abs() * 10_000.0;
+        let went = f64::from(halts(&mut bench, 0x011F));
+        let braking = velocity * velocity / 2.0 / 20_000.0;
+        assert!(
+            (went - braking).abs() < 150.0,
+            "{halted_after} ms: {went}, {braking}"
+        );
+        assert_eq!(bench.number(1, 0x1002, 0) & REFERENCED, 0);
+        assert_eq!(bench.twin().state(), State::OperationEnabled);
+        let at = position(&mut bench);
+        bench.wait(ms(500));
+        assert_eq!(position(&mut bench), at);
+        bench.controlword(1, 0x1F);
+        until(&mut bench, "referenced", |bench| {
+            bench.number(1, 0x1002, 0) & REFERENCED != 0
+        });
+        bench.wait(ms(500));
+        let at = bench.twin().observe().position;
+        assert!((at - 0.75).abs() < 0.02, "{halted_after} ms: {at}");
+        assert_eq!(position(&mut bench), 5000);
+    }
+    // One that begins while bit 8 is set stands until it falls, and one that is stopped meanwhile is over.
+    for (stopped, found) in [(false, REFERENCED), (true, 0)] {
+        let mut bench = drive(6);
+        set(&mut bench, 0x6098, 0, 24).unwrap();
+        bench.twin().set_inputs(0);
+        bench.controlword(1, 0x011F);
+        bench.wait(ms(500));
+        assert_eq!(position(&mut bench), 0);
+        if stopped {
+            bench.controlword(1, 0x010F);
+        }
+        bench.controlword(1, if stopped { 0x0F } else { 0x1F });
+        bench.wait(ms(500));
+        assert_eq!(position(&mut bench) != 0, found != 0);
+    }
+}
+
+/// On the way to a target it brakes with 6084h; whether it goes on there is a policy.
+#[test]
+fn halt_on_the_way_to_a_target() {
+    for (halted_target, ends) in [(HaltedTarget::Kept, true), (HaltedTarget::Dropped, false)] {
+        let mut bench = with(Policies {
+            halted_target,
+            ..Policies::default()
+        });
+        enabled(&mut bench, 1);
+        go(&mut bench, 40_000, 0x1F);
+        bench.wait(ms(500));
+        let velocity = bench.twin().observe().velocity.abs() * 10_000.0;
+        let went = f64::from(halts(&mut bench, 0x011F));
+        let braking = velocity * velocity / 2.0 / 100_000.0;
+        assert!((went - braking).abs() < 200.0, "{went}, {braking}");
+        assert_eq!(status(&mut bench) & TARGET_REACHED, 0);
+        let at = position(&mut bench);
+        // No edge of bit 4.
+        bench.controlword(1, 0x1F);
+        bench.wait(ms(3000));
+        let to = if ends { 40_000 } else { at };
+        assert_eq!(position(&mut bench), to);
+        assert_eq!(status(&mut bench) & TARGET_REACHED != 0, ends);
+        // A target that comes as the halt ends counts, and nothing else.
+        go(&mut bench, 0, 0x1F);
+        bench.wait(ms(300));
+        halts(&mut bench, 0x011F);
+        go(&mut bench, 20_000, 0x010F);
+        bench.controlword(1, 0x1F);
+        reach(&mut bench);
+        assert_eq!(position(&mut bench), 20_000);
+        // What was halted is over with the power stage off.
+        go(&mut bench, 0, 0x1F);
+        bench.wait(ms(300));
+        halts(&mut bench, 0x011F);
+        for word in [0x06, 0x07, 0x0F] {
+            bench.controlword(1, word);
+        }
+        let at = position(&mut bench);
+        bench.wait(ms(1000));
+        assert_eq!(position(&mut bench), at);
+    }
 }

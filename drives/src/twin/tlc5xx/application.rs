@@ -111,6 +111,8 @@ impl Drive {
         self.zero = 0;
         self.is_referenced = false;
         self.latched_signals = 0;
+        self.overrun = false;
+        self.has_warning = false;
         self.movement_failed = false;
         self.begun = 0;
     }

@@ -21,6 +21,21 @@ use syncline_canopen::dictionary::Dictionary;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Address, Instant, nmt};
 
+/// Increments on either side of 0 that the axis has (5217).
+const POSITION_RANGE: f64 = 2_147_483_648.0;
+
+/// What brakes it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum StopBy {
+    /// The ramp of 6085h.
+    #[default]
+    QuickStop,
+    /// The ramp of the movement.
+    Ramp,
+    /// The current of 204Dh.
+    Current,
+}
+
 /// A drive without its bus.
 pub struct Drive {
     pub(super) objects: Dictionary,
@@ -45,6 +60,13 @@ pub struct Drive {
     pub(super) captures: Captures,
     /// 2048h, 2062h: what has stopped a movement, until the fault reset.
     pub(super) latched_signals: u16,
+    /// 2062h bit 2: the position has left the range of 32 bits (5215-5228), until the fault reset.
+    pub(super) overrun: bool,
+    /// A warning has been told, until the fault reset.
+    pub(super) has_warning: bool,
+    /// How it is braked next by a signal, and how it is braked now.
+    pub(super) next_stop: StopBy,
+    stopped_by: StopBy,
 
     /// The active mode; 6060h may ask for another until the motor stands.
     pub(super) mode: Mode,
@@ -97,6 +119,10 @@ impl Drive {
             inputs: Inputs::default(),
             captures: Captures::default(),
             latched_signals: 0,
+            overrun: false,
+            has_warning: false,
+            next_stop: StopBy::default(),
+            stopped_by: StopBy::default(),
             mode: Mode::ProfilePosition,
             wanted_mode: Mode::ProfilePosition,
             movement: Movement::None,
@@ -169,6 +195,7 @@ impl Drive {
             self.raise(DriveError::FOLLOWING_ERROR.of_class(response));
             return;
         }
+        self.overrun |= self.position().abs() >= POSITION_RANGE;
         self.watch_limits();
         self.watch_target();
     }
@@ -276,7 +303,7 @@ impl Drive {
             (0x2041, self.drive_status().into()),
             (0x2042, self.movement as i64),
             (0x2048, i64::from(self.latched_signals & 0x0F)),
-            (0x2062, i64::from(self.latched_signals & 0xF0)),
+            (0x2062, self.internal_signals().into()),
             (0x2071, libm::round(reference) as i64),
             (0x2072, encoder as i64),
             (0x2073, error),
@@ -360,14 +387,30 @@ impl ServoFirmware for Drive {
         self.motion = Motion::Hold;
     }
 
+    /// By the quick stop current no more than that brakes (5101).
+    fn torque_limit(&self) -> f64 {
+        let most = self.servo.loops.torque_source.torque_limit();
+        match self.stopped_by {
+            StopBy::Current if self.servo.braking => most.min(self.stop_torque()),
+            _ => most,
+        }
+    }
+
     /// The movement is over.
     fn brake(&mut self) {
+        let ramp = self.motion.deceleration();
         self.end_movement();
-        self.stop(self.settings.quick_stop);
+        self.stopped_by = core::mem::take(&mut self.next_stop);
+        self.stop(match self.stopped_by {
+            StopBy::Ramp => ramp.unwrap_or(self.settings.manufacturer.deceleration),
+            StopBy::Current => self.stop_deceleration(),
+            StopBy::QuickStop => self.settings.quick_stop,
+        });
     }
 
     fn warned(&mut self, warning: DriveError) {
         self.servo.errors.tell(warning);
+        self.has_warning = true;
         self.show_error(warning);
     }
 
@@ -379,6 +422,11 @@ impl ServoFirmware for Drive {
     fn error_reset(&mut self) {
         self.movement_failed = false;
         self.latched_signals = 0;
+        self.overrun = false;
+    }
+
+    fn forget_warnings(&mut self) {
+        self.has_warning = false;
     }
 
     fn forget_own(&mut self) {

@@ -153,6 +153,8 @@ impl Device<Drive> {
             dummy_mapping: false,
             block_transfer: false,
             boot_up: config.policies.boot_up,
+            // 7729-7730
+            r_pdos_count_syncs: true,
             ..Options::default()
         };
         let processor = config.processor.clone();

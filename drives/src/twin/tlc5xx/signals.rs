@@ -1,10 +1,13 @@
 //! Limit and reference switches, other inputs, outputs, fast capture.
 
-use super::drive::Drive;
+use super::drive::{Drive, StopBy};
 use super::fault::DriveError;
 use super::settings::INCREMENTS_PER_REVOLUTION;
+use crate::twin::node::Firmware;
 use crate::twin::servo::firmware::ServoFirmware;
+use core::f64::consts::TAU;
 use core::ops::Range;
+use syncline_canopen::cia402::State;
 
 /// Bits of 2046h, 2047h, 2048h and of the states of the modes (10276, 12251).
 pub(super) const LIMP: u16 = 1 << 0;
@@ -124,10 +127,53 @@ impl Drive {
             return;
         }
         self.latched_signals |= signals;
+        self.next_stop = self.stop_by(signals);
         self.raise(match signals & (LIMP | LIMN | STOP) {
             0 => DriveError::SOFTWARE_LIMIT,
             _ => DriveError::EXTERNAL_SIGNAL,
         });
+        self.next_stop = StopBy::default();
+    }
+
+    /// What these signals brake by: 204Ch has a bit for each input, the ramp of the movement or the quick stop current
+    /// (10516-10530); a software limit has none there.
+    fn stop_by(&self, signals: u16) -> StopBy {
+        let chosen = self.objects.value(0x204C, 0).unwrap_or(0) as u16;
+        let inputs = [(LIMP, 0), (LIMN, 1), (STOP, 2)];
+        let mut active = inputs.iter().filter(|(signal, _)| signals & signal != 0);
+        match (
+            signals & (LIMP | LIMN | STOP),
+            active.any(|(_, bit)| chosen >> bit & 1 != 0),
+        ) {
+            (0, _) => StopBy::QuickStop,
+            (_, true) => StopBy::Current,
+            (_, false) => StopBy::Ramp,
+        }
+    }
+
+    /// Torque of the quick stop current, 204Dh in 0.01 A (10544), N·m.
+    pub(super) fn stop_torque(&self) -> f64 {
+        let amperes = self.objects.value(0x204D, 0).unwrap_or(0) as f64 / 100.0;
+        amperes * self.servo.loops.cascade.gains().torque_constant
+    }
+
+    /// What that brakes the axis with, as it was commissioned, increments/s².
+    pub(super) fn stop_deceleration(&self) -> f64 {
+        let gains = self.servo.loops.cascade.gains();
+        let torque = self.stop_torque().min(gains.torque_limit);
+        torque / (gains.inertia * TAU) * INCREMENTS_PER_REVOLUTION
+    }
+
+    /// 2062h (11015-11021): position overrun, software limits, a stop by command (204Ch has it as well), and a power
+    /// stage that is off.
+    pub(super) fn internal_signals(&self) -> u16 {
+        let is_told_to_stop =
+            self.servo.state == State::QuickStopActive && self.servo.errors.active().is_none();
+        let bit = |set: bool, bit: u16| if set { 1 << bit } else { 0 };
+        self.latched_signals & (SW_LIMP | SW_LIMN)
+            | bit(self.overrun, 2)
+            | bit(is_told_to_stop, 7)
+            | bit(!self.is_powered(), 15)
     }
 
     /// 60FDh (16458-16492), in which LIMP and LIMN change places (D-43). A signal is active at the

@@ -3,6 +3,7 @@
 use super::drive::Drive;
 use super::fault::DriveError;
 use super::policy::{Bit9, FaultBits};
+use super::signals::{LIMN, LIMP, REF, STOP};
 use crate::twin::servo::firmware::ServoFirmware;
 use syncline_canopen::cia402::{Command, Controlword, State, Statusword};
 
@@ -120,9 +121,14 @@ impl Drive {
             State::Fault => 9,
         };
         let bit = |set: bool, bit: u16| if set { 1 << bit } else { 0 };
+        let error = self.servo.errors.active();
+        let is_internal = error.is_some_and(|error| error != DriveError::EXTERNAL_SIGNAL);
+        // Of what the inputs have stopped 2048h tells (10099-10105).
+        let is_external = self.latched_signals & (LIMP | LIMN | REF | STOP) != 0;
         number
-            | bit(self.servo.errors.active().is_some(), 5)
-            | bit(self.latched_signals != 0, 6)
+            | bit(is_internal || self.overrun, 5)
+            | bit(is_external, 6)
+            | bit(self.has_warning, 7)
             | bit(self.target_reached, 13)
             | bit(!self.is_moving(), 14)
             | bit(self.movement_failed, 15)

@@ -59,6 +59,8 @@ pub struct Drive {
 
     pub(super) mode: Mode,
     pub(super) homing: Homing,
+    /// What goes on when bit 8 of the controlword falls.
+    pub(super) halted: Option<Motion>,
     pub(super) target: f64,
     pub(super) acknowledged: bool,
     pub(super) target_reached: bool,
@@ -99,6 +101,7 @@ impl Drive {
             is_referenced: false,
             mode: Mode::ProfilePosition,
             homing: Homing::default(),
+            halted: None,
             target: 0.0,
             acknowledged: false,
             target_reached: false,

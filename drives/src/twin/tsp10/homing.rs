@@ -10,7 +10,7 @@ use super::modes::Motion;
 use super::signals::{LOWER_LIMIT, REFERENCE, START_HOMING, UPPER_LIMIT};
 use crate::twin::ErrorClass;
 use crate::twin::tsp10::modes::Mode;
-use syncline_canopen::cia402::State;
+use syncline_canopen::cia402::{Controlword, State};
 use syncline_canopen::emcy::register;
 
 /// Where a homing movement is.
@@ -83,7 +83,7 @@ impl Drive {
         if self.homing.is_active() || self.motion != Motion::Hold {
             return;
         }
-        self.homing = Homing::default();
+        self.abandon_homing();
         self.is_referenced = false;
         self.target_reached = false;
         match self.method() {
@@ -140,9 +140,9 @@ impl Drive {
             Phase::Return(edge) if self.motion == Motion::Hold => {
                 self.homing.phase = Phase::Reach(edge);
                 let limits = self.limits(self.value(0x6099, 1), 0x609A, 0x609A);
-                self.motion = Motion::Position(edge, limits);
+                self.go_homing(Motion::Position(edge, limits));
             }
-            Phase::Reach(edge) if self.motion == Motion::Hold => {
+            Phase::Reach(edge) if self.motion == Motion::Hold && self.halted.is_none() => {
                 self.ramp.position = edge;
                 self.attain();
             }
@@ -175,11 +175,20 @@ impl Drive {
 
     fn brake_at_edge(&mut self) {
         self.homing.phase = Phase::Return(self.ramp.position);
+        self.halted = None;
         self.stop(self.value(0x609A, 0));
     }
 
     fn run_homing(&mut self, direction: f64) {
         let limits = self.limits(self.value(0x6099, 1), 0x609A, 0x609A);
-        self.motion = Motion::Velocity(direction * limits.velocity, limits);
+        self.go_homing(Motion::Velocity(direction * limits.velocity, limits));
+    }
+
+    /// The next way of the homing movement: at once, or when bit 8 falls.
+    fn go_homing(&mut self, motion: Motion) {
+        match self.controlword.has(Controlword::HALT) {
+            true => self.halted = Some(motion),
+            false => self.motion = motion,
+        }
     }
 }

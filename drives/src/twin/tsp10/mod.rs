@@ -17,7 +17,7 @@ mod policy;
 mod signals;
 
 pub use motor::Motor;
-pub use policy::{Policies, RelativeTo, SecondTarget, StandbyUnit, TPdoTrigger};
+pub use policy::{HaltedTarget, Policies, RelativeTo, SecondTarget, StandbyUnit, TPdoTrigger};
 pub use signals::Switches;
 
 use super::device::{Config, DrivenAxis, Kind};

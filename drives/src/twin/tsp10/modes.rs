@@ -2,7 +2,7 @@
 
 use super::drive::Drive;
 use super::homing::Homing;
-use super::policy::{RelativeTo, SecondTarget};
+use super::policy::{HaltedTarget, RelativeTo, SecondTarget};
 use super::signals::{LOWER_LIMIT, STOP, UPPER_LIMIT};
 use crate::twin::ErrorClass;
 use crate::twin::node::Firmware;
@@ -51,6 +51,7 @@ impl Drive {
     pub(super) fn command_mode(&mut self, previous: Controlword) {
         let word = self.controlword;
         let rises = |bit| word.has(bit) && !previous.has(bit);
+        let goes_on = previous.has(Controlword::HALT) && !word.has(Controlword::HALT);
         if !word.has(Controlword::MODE_4) {
             self.acknowledged = false;
         }
@@ -58,8 +59,7 @@ impl Drive {
             return;
         }
         if rises(Controlword::HALT) {
-            self.homing = Homing::default();
-            self.stop(self.value(0x6084, 0));
+            self.halt();
         }
         match self.mode {
             Mode::ProfilePosition if rises(Controlword::MODE_4) => self.take_target(),
@@ -68,11 +68,32 @@ impl Drive {
             Mode::Homing if rises(Controlword::MODE_4) => self.start_homing(),
             // Bit 4 = 0 stops it (905).
             Mode::Homing if !word.has(Controlword::MODE_4) && self.homing.is_active() => {
-                self.homing = Homing::default();
+                self.abandon_homing();
                 self.stop(self.value(0x609A, 0));
             }
             Mode::Homing => {}
         }
+        if goes_on && let Some(motion) = self.halted.take() {
+            self.motion = motion;
+        }
+    }
+
+    /// Bit 8: it brakes with its ramp, and stands. What goes on when the bit falls: homing (907-908); a movement to a target by
+    /// a policy, as the bit is named there and not explained (640); a velocity by itself (829-833).
+    fn halt(&mut self) {
+        let homes = self.homing.is_active();
+        let goes_on = homes
+            || self.policies.halted_target == HaltedTarget::Kept
+                && matches!(self.motion, Motion::Position(..));
+        let moves = !matches!(self.motion, Motion::Hold | Motion::Stop(_));
+        self.halted = Some(self.motion).filter(|_| goes_on && moves);
+        self.stop(self.value(if homes { 0x609A } else { 0x6084 }, 0));
+    }
+
+    /// It is over, and nothing of it goes on.
+    pub(super) fn abandon_homing(&mut self) {
+        self.homing = Homing::default();
+        self.halted = None;
     }
 
     fn take_target(&mut self) {
@@ -95,6 +116,7 @@ impl Drive {
             return;
         }
         self.target = target;
+        self.halted = None;
         let limits = self.limits(self.value(0x6081, 0), 0x6083, 0x6084);
         self.motion = Motion::Position(target, limits);
         self.target_reached = false;
@@ -151,6 +173,7 @@ impl Drive {
     /// Quick stop, an error or another mode: whatever moved is over.
     pub(super) fn end_movement(&mut self) {
         self.homing = self.homing.ended();
+        self.halted = None;
         self.acknowledged = false;
     }
 
@@ -161,9 +184,10 @@ impl Drive {
             || direction > 0.0 && self.is_active(UPPER_LIMIT);
         if self.is_active(STOP) {
             // No alarm, not even in homing (912).
-            self.homing = Homing::default();
+            self.abandon_homing();
             self.stop(self.value(0x6084, 0));
         } else if is_limit && !self.homing.is_active() && !matches!(self.motion, Motion::Stop(_)) {
+            self.halted = None;
             self.stop(self.value(0x6084, 0));
             if self.policies.limit_is_fault {
                 self.raise(ErrorClass::StopAndSwitchOff, register::PROFILE);

@@ -17,6 +17,8 @@ pub struct Policies {
     pub answers_guarding: bool,
     /// What becomes of a start while a movement is under way (761-766).
     pub second_target: SecondTarget,
+    /// What becomes of a target on the way to which it was halted (640), when bit 8 falls.
+    pub halted_target: HaltedTarget,
     /// What a relative target is counted from.
     pub relative_to: RelativeTo,
     /// Whether an absolute target is taken before homing (912).
@@ -54,6 +56,15 @@ pub enum SecondTarget {
     AtOnce,
 }
 
+/// What becomes of a target on the way to which the drive was halted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HaltedTarget {
+    /// It goes on there, as CiA 402 has it, and as the manual has it in its other modes.
+    Kept,
+    /// It rests where it is.
+    Dropped,
+}
+
 /// What a relative target is counted from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RelativeTo {
@@ -79,6 +90,7 @@ impl Default for Policies {
             t_pdo: TPdoTrigger::Status,
             answers_guarding: false,
             second_target: SecondTarget::AtOnce,
+            halted_target: HaltedTarget::Kept,
             relative_to: RelativeTo::Demand,
             absolute_without_reference: true,
             standby_unit: StandbyUnit::Percent,
