@@ -77,7 +77,7 @@ impl Pdo {
 pub struct NodeTraffic {
     /// The node.
     pub node: NodeId,
-    /// Its PDOs travel every `divider` cycles; at least 1.
+    /// Its T_PDOs travel every `divider` cycles, its R_PDOs in each; at least 1.
     pub divider: u32,
     /// Longest time from the end of SYNC until its T_PDOs stand in its transmit queue.
     pub response: Duration,
@@ -339,7 +339,10 @@ impl Traffic {
                 let message = Message {
                     id: pdo.cob_id.into(),
                     bytes: pdo.bytes,
-                    period: self.cycle * node.divider,
+                    period: match direction {
+                        Direction::Transmit => self.cycle * node.divider,
+                        Direction::Receive => self.cycle,
+                    },
                     jitter: match direction {
                         Direction::Transmit => node.response,
                         Direction::Receive => Duration::ZERO,

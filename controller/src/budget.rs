@@ -7,7 +7,7 @@ use std::ops::RangeInclusive;
 use std::time::Duration;
 use syncline_canopen::budget::{BLOCKING_BITS, Budget, Direction, Pdo, Traffic, Verdict};
 use syncline_canopen::response_time::bit_time;
-use syncline_canopen::{CobId, Frame};
+use syncline_canopen::{CobId, Frame, guarding};
 use syncline_drives::bus::frame_bits;
 use syncline_drives::model::{Device, Increments, Monitoring, PowerCommand, Setpoint};
 use thiserror::Error;
@@ -420,6 +420,18 @@ fn typical_load(machine: &Machine, nodes: &[(Node<'_>, Device)], bit_rate: u32) 
         per_cycle += lengths.iter().sum::<f64>() / lengths.len().max(1) as f64;
     }
     let operational = [0x05];
+    let guarding: f64 = nodes
+        .iter()
+        .filter_map(|(node, device)| match device.spec().monitoring {
+            Monitoring::Guarding { every } => Some((node.id, every)),
+            _ => None,
+        })
+        .map(|(node, every)| {
+            let answer = bits(&Frame::new(CobId::error_control(node), &operational));
+            let request = guarding::request(node).as_ref().map_or(0.0, bits);
+            (request + answer) / every.as_secs_f64()
+        })
+        .sum();
     let heartbeats: f64 = nodes
         .iter()
         .filter(|(_, device)| device.spec().monitoring == Monitoring::Heartbeat)
@@ -429,6 +441,7 @@ fn typical_load(machine: &Machine, nodes: &[(Node<'_>, Device)], bit_rate: u32) 
         .sum();
     let seconds = |bits: f64| bits / f64::from(bit_rate);
     seconds(per_cycle) / machine.cycle.as_secs_f64()
+        + seconds(guarding)
         + seconds(heartbeats) / machine.controller.heartbeat.as_secs_f64()
 }
 

@@ -608,7 +608,7 @@ impl AxisControl {
             if side == 0 || following_error.abs() > worst.following_error.abs() {
                 let latched = self.history.latched(cycle, nodes[drive].delay());
                 (worst.set, worst.apart) = (latched.position, latched.apart);
-                worst.act = act;
+                worst.act = self.goes_on(cycle, side, nodes).unwrap_or(act);
                 worst.following_error = following_error;
             }
         }

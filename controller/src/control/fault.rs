@@ -217,6 +217,11 @@ pub enum DeviceCause {
     /// Its heartbeat stayed away.
     #[error("heartbeat lost: check cabling and supply")]
     HeartbeatLost,
+    /// It did not answer guarding.
+    #[error(
+        "no answer to guarding: check cabling and supply, and that the bus carries remote frames, which a socketcand does not"
+    )]
+    GuardingUnanswered,
     /// It has no heartbeat, and did not answer the requests that are sent instead.
     #[error("no answer to the polls of {object} any more: check cabling and supply")]
     PollUnanswered {
@@ -265,6 +270,7 @@ impl DeviceCause {
             Self::NoBootUp
                 | Self::NoAnswer
                 | Self::HeartbeatLost
+                | Self::GuardingUnanswered
                 | Self::PollUnanswered { .. }
                 | Self::NoNmtState
                 | Self::MissingTPdo { .. }

@@ -328,7 +328,8 @@ impl Layout {
             .enumerate()
             .map(|(index, ((node, device), latency))| {
                 let loss = machine.position_loss(index);
-                let lost = loss.map(|loss| (loss.as_nanos() / machine.cycle.as_nanos()) as u32 + 1);
+                let apart = machine.cycle * device.spec().sync_divider;
+                let lost = loss.map(|loss| (loss.as_nanos() / apart.as_nanos()) as u32 + 1);
                 let scale = scale(machine, index, node.seat);
                 let mut scaling = scale.map_or(nowhere, |(scaling, _)| scaling);
                 let mut standstill = scale.map(|(scaling, window)| scaling.magnitude(window));

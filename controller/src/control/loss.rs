@@ -8,7 +8,7 @@ use super::polls::{CONTRADICTIONS, STATE_POLL};
 use crate::machine::{OutputSwitch, POLL};
 use std::fmt;
 use syncline_canopen::time::Duration;
-use syncline_drives::model::{Address, Device, Monitoring};
+use syncline_drives::model::{Address, Device, Monitoring, Setpoints};
 
 /// What stays away when a device is gone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,6 +17,8 @@ pub enum Sign {
     TPdos,
     /// Its heartbeat.
     Heartbeat,
+    /// Its answers to guarding.
+    Guarding,
     /// Its answers to the requests for this object.
     Answers(Address),
     /// Its state, which it is asked for there: it has begun anew, and told nobody.
@@ -37,6 +39,7 @@ impl fmt::Display for Notice {
         match self.sign {
             Sign::TPdos => write!(f, "missing T_PDOs")?,
             Sign::Heartbeat => write!(f, "a missing heartbeat")?,
+            Sign::Guarding => write!(f, "guarding without an answer")?,
             Sign::Answers(object) => write!(f, "requests for {object} without an answer")?,
             Sign::State(object) => write!(f, "another state in {object}, where it begins anew,")?,
         }
@@ -77,11 +80,11 @@ impl fmt::Display for Millis {
 
 impl Layout {
     /// The longest time from a fault that a device has and tells, by its state or an EMCY, until the controller sees it:
-    /// what happens behind the sample of one SYNC is told at the next one and looked at in that cycle. The time that the
-    /// device itself takes to find its fault comes on top.
+    /// what happens behind the sample of one SYNC is told at the next one that it answers and looked at in that cycle. The
+    /// time that the device itself takes to find its fault comes on top.
     #[must_use]
-    pub fn tells_within(&self) -> Duration {
-        self.cycle * 2
+    pub fn tells_within(&self, device: DeviceIndex) -> Duration {
+        self.cycle * (self.devices[device].device.spec().sync_divider + 1)
     }
 
     /// By what it shows that a device is gone, the quickest first.
@@ -100,6 +103,7 @@ impl Layout {
         let other = match spec.monitoring {
             Monitoring::TPdos => None,
             Monitoring::Heartbeat => Some(after(Sign::Heartbeat)),
+            Monitoring::Guarding { .. } => Some(after(Sign::Guarding)),
             Monitoring::Poll(object) => Some(after(Sign::Answers(object))),
         };
         let survey = device.device.drive().and_then(|drive| drive.survey());
@@ -118,25 +122,25 @@ impl Layout {
     #[must_use]
     pub fn comparison(&self, axis: AxisIndex) -> Option<(Compared, Duration)> {
         let axis = &self.axes[axis];
-        // What the encoder tells is as old as the SYNC that it answered last.
-        let encoder = self.devices[axis.feedback?.encoder].device.spec();
-        let older = self.cycle * (encoder.sync_divider - 1);
         let drives = axis
             .drives
             .iter()
             .map(|&drive| self.devices[drive].device.spec());
+        // What one of them tells is as old as the SYNC that it answered last; the others answer each.
+        let encoder = self.devices[axis.feedback?.encoder].device.spec();
+        let dividers = drives.clone().chain([encoder]).map(|it| it.sync_divider);
+        let older = self.cycle * (dividers.max().unwrap_or(1) - 1);
         let polled = drives.filter(|spec| !spec.answers_sync);
         let response = polled.map(|spec| spec.sdo_response).max();
-        Some(response.map_or(
-            (Compared::AtSync, self.tells_within() + older),
-            |response| {
+        Some(
+            response.map_or((Compared::AtSync, self.cycle * 2 + older), |response| {
                 // The last position from before the rest is replaced by one that waited for an answer and has its own;
                 // both requests wait for their turn in a cycle. What is left of the way then may take it out of the
                 // standstill window around that one, once, so that its time of standing still begins anew.
                 let heard = POLL + (response + self.cycle) * 2;
                 (Compared::AtRest, heard + (STILL + self.cycle + older) * 2)
-            },
-        ))
+            }),
+        )
     }
 
     /// By when an encoder finds that the drives of its axis are elsewhere.
@@ -171,7 +175,7 @@ impl Layout {
                 1 => String::new(),
                 divider => format!("it tells its position every {divider} SYNCs; "),
             },
-            Millis(self.tells_within()),
+            Millis(self.tells_within(device)),
             notices.join(" or "),
             self.left_alone(device),
             self.compares(device).unwrap_or_default(),
@@ -196,7 +200,8 @@ impl Layout {
     /// loop, and what that leaves open; `None` where it is not.
     #[must_use]
     pub fn extrapolation(&self, device: DeviceIndex) -> Option<Extrapolation> {
-        let lasts = self.cycle * (self.devices[device].t_pdo_misses - 1);
+        let spec = &self.devices[device];
+        let lasts = self.cycle * (spec.t_pdo_misses * spec.device.spec().sync_divider - 1);
         let seconds = lasts.as_secs_f64();
         let mut axes = self.axes.iter().enumerate();
         axes.find_map(|(axis, spec)| {
@@ -223,15 +228,22 @@ impl Layout {
             ..
         } = &self.devices[index];
         let timeout = Millis(*heartbeat_timeout);
-        let hears = device.spec().monitoring == Monitoring::Heartbeat;
+        let monitoring = device.spec().monitoring;
+        let sign = match monitoring {
+            Monitoring::Guarding { .. } => "guarding request",
+            _ => "heartbeat",
+        };
         match device {
-            Device::Drive(_) if hears => {
+            Device::Drive(_) if monitoring.is_mutual() => {
                 format!(
-                    "it stops by itself {timeout} after the last heartbeat that it hears of the controller"
+                    "it stops by itself {timeout} after the last {sign} that it hears of the controller"
                 )
             }
             Device::Drive(_) if self.axis_of(index).is_some_and(|it| it.point_to_point) => {
                 "a dead controller it does not notice, goes on to its target and rests there".into()
+            }
+            Device::Drive(_) if device.spec().model.is_sent(Setpoints::Positions) => {
+                "a dead controller it does not notice, and rests where it was sent last".into()
             }
             Device::Drive(_) => format!(
                 "a dead controller it does not notice, and goes on with its last velocity until {}",

@@ -479,13 +479,22 @@ impl<const N: usize> Controller<N> {
     /// T_PDOs that the budget counts on, and never on its way when the next SYNC is due.
     fn show_life(&mut self, out: &mut [Outbox]) {
         if self.sync_at < self.heartbeat_due {
-            return;
+            return self.guard(out);
         }
         self.heartbeat_due = self.sync_at + self.layout.heartbeat;
         let state = nmt::State::Operational as u8;
         let heartbeat = Frame::new(CobId::error_control(self.layout.node), &[state]);
         for outbox in out {
             outbox.acyclic.transmit(heartbeat);
+        }
+    }
+
+    /// In a cycle without that heartbeat, and in its place, one device of each bus is asked for a sign of life, if one is due
+    /// that is guarded.
+    fn guard(&mut self, out: &mut [Outbox]) {
+        for (bus, outbox) in self.layout.buses.iter().zip(out) {
+            let mut devices = bus.devices.iter();
+            devices.any(|&device| self.nodes[device].guard(self.sync_at, &mut outbox.acyclic));
         }
     }
 

@@ -12,7 +12,7 @@ use super::sdo_sequence::{SdoSequence, Step};
 use crate::bus::FrameBuf;
 use std::sync::Arc;
 use syncline_canopen::emcy::{self, Emergency};
-use syncline_canopen::{CanId, CobId, Frame, Instant, Transmit, heartbeat, nmt};
+use syncline_canopen::{CanId, CobId, Frame, Instant, Transmit, guarding, heartbeat, nmt};
 use syncline_drives::model::{
     ANALOG_INPUTS, Device, DriveStatus, Dynamics, Increments, Monitoring, OutOfRange, PowerCommand,
     PowerState, Scaling, Setpoint, Survey, unwrapped,
@@ -29,7 +29,10 @@ pub(super) struct DeviceNode {
     /// What an SDO transfer of several messages goes on with, until the next wake-up.
     replies: FrameBuf,
 
+    /// Its signs of life, also those that it is asked for.
     heartbeat: heartbeat::Consumer,
+    /// Asks for them, if it has to be asked.
+    guarding: Option<guarding::Master>,
     /// Where that is how it shows that it is there, and when it last answered.
     polls: Polls,
     polled: Option<Instant>,
@@ -94,6 +97,7 @@ impl DeviceNode {
             device: drive.device.clone(),
             replies: FrameBuf::default(),
             heartbeat: heartbeat::Consumer::new(spec.node, drive.heartbeat_timeout),
+            guarding: None,
             polls: Polls::NONE,
             polled: None,
             booted: false,
@@ -218,7 +222,7 @@ impl DeviceNode {
             }
             events(Event::ErrorReset { device: self.index });
         } else {
-            let told = self.heartbeat.on_frame(at, frame);
+            let told = self.take_sign_of_life(at, frame);
             if told == Some(heartbeat::Event::BootUp) {
                 self.boots();
             }
@@ -356,7 +360,7 @@ impl DeviceNode {
     pub(super) fn is_sampled(&self) -> bool {
         match self.monitoring() {
             Monitoring::Poll(_) => self.polled.is_some(),
-            Monitoring::Heartbeat | Monitoring::TPdos => {
+            Monitoring::Heartbeat | Monitoring::Guarding { .. } | Monitoring::TPdos => {
                 self.come.count_ones() as usize == self.t_pdos.len()
             }
         }
@@ -387,6 +391,7 @@ impl DeviceNode {
         self.booted = false;
         self.resetting = true;
         self.heartbeat.forget();
+        self.guarding = None;
         self.polls = Polls::NONE;
         self.polled = None;
         self.come = 0;
@@ -407,13 +412,6 @@ impl DeviceNode {
         } else {
             DeviceCause::NoAnswer
         })
-    }
-
-    pub(super) fn is_operational(&self) -> bool {
-        match self.monitoring() {
-            Monitoring::Heartbeat => self.heartbeat.state() == Some(nmt::State::Operational),
-            Monitoring::TPdos | Monitoring::Poll(_) => self.is_sampled(),
-        }
     }
 
     fn monitoring(&self) -> Monitoring {
@@ -477,43 +475,6 @@ impl DeviceNode {
         self.spec().t_pdo_misses * self.divider()
     }
 
-    /// Whether the device answers as many SYNCs as it has to and shows signs of life in Operational.
-    pub(super) fn check_alive(
-        &mut self,
-        now: Instant,
-        events: &mut impl FnMut(Event),
-    ) -> Result<(), Fault> {
-        if self.booted {
-            return Err(self.fault(DeviceCause::Rebooted));
-        }
-        if self.age == 0 {
-            self.misses = 0;
-        } else if self.is_due() {
-            self.misses += 1;
-            events(Event::MissedTPdo { device: self.index });
-        }
-        if self.misses >= self.spec().t_pdo_misses {
-            let misses = self.misses * self.divider();
-            return Err(self.fault(DeviceCause::MissingTPdo { misses }));
-        }
-        match self.monitoring() {
-            Monitoring::TPdos => Ok(()),
-            Monitoring::Poll(object) => {
-                let timeout = self.spec().heartbeat_timeout;
-                if self.polled.is_none_or(|last| now > last + timeout) {
-                    self.lost_count = true;
-                    return Err(self.fault(DeviceCause::PollUnanswered { object }));
-                }
-                Ok(())
-            }
-            Monitoring::Heartbeat if !self.heartbeat.is_alive(now) => {
-                Err(self.fault(DeviceCause::HeartbeatLost))
-            }
-            Monitoring::Heartbeat if !self.is_operational() => Err(self.did_not_start()),
-            Monitoring::Heartbeat => Ok(()),
-        }
-    }
-
     /// The fault of a drive that has answered no SYNC for as many cycles as are tolerated: what it said
     /// before is no longer true of it.
     pub(super) fn check_answers(&self) -> Result<(), Fault> {
@@ -522,24 +483,6 @@ impl DeviceNode {
         }
         let misses = self.age;
         Err(self.fault(DeviceCause::MissingTPdo { misses }))
-    }
-
-    /// Why a drive that should run in Operational does not.
-    pub(super) fn did_not_start(&self) -> Fault {
-        let missing = DeviceCause::MissingTPdo {
-            misses: self.misses,
-        };
-        match self.monitoring() {
-            Monitoring::Heartbeat => {}
-            Monitoring::TPdos => return self.fault(missing),
-            Monitoring::Poll(object) => return self.fault(DeviceCause::PollUnanswered { object }),
-        }
-        self.fault(match (self.heartbeat.state(), self.heartbeat.byte()) {
-            (Some(nmt::State::Operational), _) => missing,
-            (Some(state), _) => DeviceCause::NmtState { state },
-            (None, Some(byte)) => DeviceCause::UnknownNmtState { byte },
-            (None, None) => DeviceCause::NoNmtState,
-        })
     }
 
     /// Whether a drive that is not enabled yet reports no fault.
@@ -711,11 +654,6 @@ impl DeviceNode {
             .extend(identity.chain(ensured).chain(writes).chain(read_back));
     }
 
-    /// From now on it is polled, if it shows by that that it is there.
-    pub(super) fn begin_polls(&mut self) {
-        self.polls.begin();
-    }
-
     /// Whether its position is one of the last SYNC.
     pub(super) fn answers_sync(&self) -> bool {
         self.device.spec().answers_sync
@@ -752,6 +690,7 @@ impl DeviceNode {
     /// The steps that take the set-up's cyclic part back, from a device in reach; whatever else there was to do is
     /// forgotten, as a bus may come back meanwhile.
     pub(super) fn ask_release(&mut self, in_reach: bool) {
+        self.guarding = None;
         self.polls = Polls::NONE;
         self.sequence.clear();
         self.torque.forget_steps();
@@ -773,6 +712,7 @@ mod answers;
 mod captures;
 mod count;
 mod homing;
+mod monitoring;
 mod standstill;
 #[cfg(test)]
 mod tests;

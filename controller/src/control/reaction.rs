@@ -264,6 +264,7 @@ impl DeviceCause {
             | Self::SecondTPdo
             | Self::TwoNodes
             | Self::HeartbeatLost
+            | Self::GuardingUnanswered
             | Self::PollUnanswered { .. }
             | Self::NoNmtState
             | Self::UnknownNmtState { .. }

@@ -14,9 +14,10 @@ use syncline_drives::model::PowerState;
 impl<const N: usize> Controller<N> {
     /// Looks at drives and axes.
     pub(super) fn supervise(&mut self, now: Instant) {
+        let runs = self.sync_on && (Phase::Lock..=Phase::Disable).contains(&self.phase);
         for node in &mut self.nodes {
             node.watch_standstill();
-            node.watch_count(now);
+            node.watch_count(now, runs);
         }
         self.watch_spindle();
         let phase = self.phase;

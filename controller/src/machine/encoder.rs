@@ -272,8 +272,8 @@ fn check_measured(log: &mut Log<'_>, encoders: &[EncoderTable]) {
     }
 }
 
-/// Between two positions of an encoder, at most: as the longest cycle that there is.
-const OFTEN_ENOUGH: Duration = Duration::from_millis(20);
+/// Between two positions of a device, at most: as the longest cycle that there is.
+pub(super) const OFTEN_ENOUGH: Duration = Duration::from_millis(20);
 
 /// Whether an encoder that does not answer every SYNC answers often enough for what looks at it, `range` being how far
 /// its axis may go until the reading repeats.

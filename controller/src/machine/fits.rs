@@ -1,6 +1,7 @@
 //! Whether a drive can do what its axis, the cycle and its bus ask of it: what the model says of
 //! itself, held against the machine file.
 
+use super::encoder::OFTEN_ENOUGH;
 use super::{Axis, AxisLimits, Drive, HomingMethod, Machine, Motion, POLL};
 use std::ops::Range;
 use std::time::Duration;
@@ -169,7 +170,7 @@ pub(super) fn settle_motions(
     for (index, stated) in motions.iter().enumerate() {
         let axis = &machine.axes[index];
         let drive = axis.drives[0];
-        let goes_on = matches!(machine.device(drive).spec().monitoring, Monitoring::Poll(_));
+        let goes_on = !machine.device(drive).spec().monitoring.is_mutual();
         let closes_loop = axis.feedback.is_some_and(|it| it.closes_loop);
         let can = |drive: usize| {
             let abilities = machine.drives[drive].model.abilities;
@@ -241,7 +242,7 @@ pub(super) fn check_loops(log: &mut Log<'_>, machine: &Machine, places: &[Range<
                 "name an [[encoder]] as the axis's `feedback`, with `position_loop = \"encoder\"`",
             );
         }
-        if !matches!(spec.monitoring, Monitoring::Poll(_)) {
+        if spec.monitoring.is_mutual() {
             continue;
         }
         let unstopped = format!(
@@ -258,6 +259,132 @@ pub(super) fn check_loops(log: &mut Log<'_>, machine: &Machine, places: &[Range<
                         cut the drive's power";
             log.report(place.clone(), problem, help);
         }
+    }
+}
+
+/// Whether each drive that does not answer every SYNC can do that, and nothing that looks at it needs more. `dividers` are
+/// what the file says of each, and where.
+pub(super) fn check_dividers(
+    log: &mut Log<'_>,
+    machine: &Machine,
+    dividers: &[(u8, Range<usize>)],
+) {
+    let drives = machine.drives.iter().enumerate();
+    for ((index, drive), (divider, place)) in drives.zip(dividers) {
+        let problem = (*divider > 1).then(|| undivided(machine, index, drive));
+        let Some(problem) = problem.flatten() else {
+            continue;
+        };
+        log.report(
+            place.clone(),
+            format!(
+                "drive \"{}\": `sync_divider` is {divider}: {problem}",
+                drive.name
+            ),
+            "allowed: a smaller one; 1 has it answer every SYNC",
+        );
+    }
+}
+
+/// Why a drive has to answer more SYNCs than it does, if it has to.
+fn undivided(machine: &Machine, index: usize, drive: &Drive) -> Option<String> {
+    let (axis, title) = (&machine.axes[drive.axis], drive.model.title);
+    let apart = machine.cycle * drive.sync_divider.into();
+    let loss = machine.position_loss(index);
+    let misses = loss.map(|loss| loss.as_nanos() / apart.as_nanos() + 1);
+    let misses = misses.unwrap_or(machine.controller.t_pdo_misses.into());
+    let unseen = misses * u128::from(drive.sync_divider);
+    let probes = machine.inputs.iter().any(|it| it.meaning.is_probed());
+    if !drive.model.abilities.contains(&Ability::SyncDivider) {
+        return Some(match drive.model.is_sent(Setpoints::Positions) {
+            true => {
+                format!("the {title} is sent positions, and has to be seen to go to each of them")
+            }
+            false => format!("the {title} answers no SYNC"),
+        });
+    }
+    let problem = if axis.drives.len() > 1 {
+        "the two sides of a gantry pair are compared at every SYNC".to_owned()
+    } else if matches!(
+        axis.homing.method,
+        HomingMethod::Switch(_) | HomingMethod::HardStop(_) | HomingMethod::Drive(_)
+    ) {
+        format!(
+            "axis \"{}\" is homed by where its drive is at a SYNC",
+            axis.name()
+        )
+    } else if probes {
+        "a probe asks for the position of every axis at a SYNC".to_owned()
+    } else if axis
+        .feedback
+        .is_some_and(|it| machine.encoders[it.encoder].sync_divider > 1)
+    {
+        "its encoder does not answer every SYNC either, and they would never be compared".to_owned()
+    } else if apart > OFTEN_ENOUGH {
+        format!(
+            "its positions would be {} ms apart, more than {} ms",
+            apart.as_secs_f64() * 1e3,
+            OFTEN_ENOUGH.as_secs_f64() * 1e3
+        )
+    } else if unseen > MOST_LOST {
+        format!("it might be unseen for {unseen} cycles, more than {MOST_LOST}")
+    } else {
+        return None;
+    };
+    Some(problem)
+}
+
+/// Whether the drive of the spindle, which `place` names, notices that the controller is gone.
+pub(super) fn check_spindle(log: &mut Log<'_>, machine: &Machine, place: Option<Range<usize>>) {
+    let (Some((index, drive)), Some(place)) = (machine.spindle_drive(), place) else {
+        return;
+    };
+    if machine.device(index).spec().monitoring.is_mutual() {
+        return;
+    }
+    log.report(
+        place,
+        format!(
+            "spindle: drive \"{}\" ({}) does not notice that the controller is gone, and would turn on",
+            drive.name, drive.model.title
+        ),
+        "allowed: one with a heartbeat, or with guarding, `has_guarding = 1`",
+    );
+}
+
+/// Whether guarded devices are asked often enough, of which and of the controller's own heartbeat one leaves in a cycle: each has
+/// its turn within a third of the time between two requests, so that three of them, one of which may get lost, end in time.
+/// `places` are where the file names the drives; of a bus the first one tells.
+pub(super) fn check_guarding(log: &mut Log<'_>, machine: &Machine, places: &[Range<usize>]) {
+    let guarded = machine.nodes().enumerate().filter_map(|(index, node)| {
+        match machine.device(index).spec().monitoring {
+            Monitoring::Guarding { every } => Some((index, node, every)),
+            _ => None,
+        }
+    });
+    let guarded: Vec<_> = guarded.collect();
+    for bus in 0..machine.buses.len() {
+        let mut on_bus = guarded.iter().filter(|(_, node, _)| node.bus == bus);
+        let turn = machine.cycle * (on_bus.clone().count() as u32 + 1);
+        let Some((index, node, every)) = on_bus.next().filter(|(.., every)| turn * 3 > *every)
+        else {
+            continue;
+        };
+        log.report(
+            places.get(*index).cloned().unwrap_or_default(),
+            format!(
+                "drive \"{}\" ({}): it is guarded every {} ms, a quarter of `heartbeat_timeout_ms`, and its turn may \
+                 come {:.1} ms late",
+                node.name,
+                node.model.title,
+                every.as_millis(),
+                turn.as_secs_f64() * 1e3
+            ),
+            format!(
+                "allowed: `heartbeat_timeout_ms` from {}, or a shorter `cycle_us`",
+                (turn * 3).as_nanos().div_ceil(1_000_000) * 4
+            ),
+        );
     }
 }
 

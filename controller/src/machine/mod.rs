@@ -175,6 +175,8 @@ pub struct Drive {
     pub scaling: Scaling,
     /// Whether its digital inputs and outputs come with its position, and changes are told.
     pub signals: bool,
+    /// It tells its position at every so many SYNCs.
+    pub sync_divider: u8,
     /// Its T_PDOs tell its torque too, as no machine file asks: see [`Machine::tell_torque`].
     pub(crate) torque: bool,
     /// Written after the standard set-up, in this order.
@@ -553,6 +555,7 @@ impl Machine {
                 .then(|| drive_soft_limits(&axis.limits, scaling)),
             point_to_point: axis.motion == Motion::PointToPoint,
             torque: drive.torque,
+            sync_divider: drive.sync_divider,
             ..common
         }
     }

@@ -197,6 +197,7 @@ impl Tables {
         let encoder_buses = bus_of.split_off(self.drives.len());
         let places = bus_of.into_iter().zip(axis_of?);
         let named: Vec<_> = (self.drives.iter().map(|it| it.node.name.span())).collect();
+        let dividers: Vec<_> = (self.drives.iter().map(|it| it.sync_divider.clone())).collect();
         let drives: Vec<_> = self
             .drives
             .into_iter()
@@ -252,6 +253,7 @@ impl Tables {
             encoders: encoders.len(),
             io_nodes: &io_nodes,
         };
+        let turned = turning.as_ref().map(|(table, _)| table.node.name.span());
         let spindle = (self.spindle)
             .map(|table| table.join(log, turning, |model| assumed(&self.assumptions, model)));
         let signals = self.signals.join(log, wiring, spindle.as_ref());
@@ -299,10 +301,13 @@ impl Tables {
         limit_inputs::check(log, &machine, &limit_switches);
         encoder::check(log, &machine, &stated);
         fits::check_loops(log, &machine, &named);
+        fits::check_spindle(log, &machine, turned);
+        fits::check_guarding(log, &machine, &named);
         homing::test_move::check(log, &machine, &test_moves);
         fits::check_losses(log, &machine, &losses);
         fits::check_counts(log, &machine, &named);
         fits::check_setpoints(log, &machine, &named);
+        fits::check_dividers(log, &machine, &dividers);
         Some(machine)
     }
 
@@ -503,6 +508,8 @@ pub(super) struct DriveTable {
     pub(super) direction: Direction,
     pub(super) zero: Increments,
     signals: bool,
+    /// And where it stands.
+    pub(super) sync_divider: (u8, Range<usize>),
 }
 
 impl DriveTable {
@@ -512,6 +519,11 @@ impl DriveTable {
         let (least, most) = (i64::from(i32::MIN), i64::from(i32::MAX));
         let zero = table.integer_or(log, "zero", 0, least..=most, " (increments)");
         let signals = table.flag_or(log, "signals", false);
+        let divider = table.integer_or(log, "sync_divider", 1, 1..=240, " (SYNCs)");
+        let divider = (
+            divider as u8,
+            table.span_of("sync_divider").unwrap_or_default(),
+        );
         let model = node.as_ref().map(|node| node.model);
         if let Some(model) = model.filter(|model| signals && model.signal(0).is_none()) {
             log.report(
@@ -526,6 +538,7 @@ impl DriveTable {
             direction,
             zero: Increments::new(zero),
             signals,
+            sync_divider: divider,
         })
     }
 
@@ -567,6 +580,7 @@ impl DriveTable {
             axis,
             scaling,
             signals: self.signals,
+            sync_divider: self.sync_divider.0,
             torque: false,
             objects: self.node.objects,
         }

@@ -279,7 +279,19 @@ impl SpindleTable {
             );
             return None;
         }
-        Some(drives.remove(place))
+        let drive = drives.remove(place);
+        let (divider, span) = &drive.sync_divider;
+        if *divider > 1 {
+            log.report(
+                span.clone(),
+                format!(
+                    "drive \"{}\": `sync_divider` is {divider}: it turns the spindle, whose speed is looked at in every cycle",
+                    name.get_ref()
+                ),
+                "leave the key out",
+            );
+        }
+        Some(drive)
     }
 
     /// The spindle with the drive that turns it, on that bus.

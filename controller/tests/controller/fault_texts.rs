@@ -159,6 +159,10 @@ texts! {
     Fault::Device(_, DeviceCause::HeartbeatLost), Fault::Device(2, DeviceCause::HeartbeatLost),
     "node 3 (Y, LXM32M): heartbeat lost: check cabling and supply";
 
+    Fault::Device(_, DeviceCause::GuardingUnanswered), Fault::Device(2, DeviceCause::GuardingUnanswered),
+    "node 3 (Y, LXM32M): no answer to guarding: check cabling and supply, and that the bus carries remote frames, which a \
+     socketcand does not";
+
     Fault::Device(_, DeviceCause::NoNmtState), Fault::Device(2, DeviceCause::NoNmtState),
     "node 3 (Y, LXM32M): no heartbeat that tells its NMT state, expected Operational: check \
      cabling and bus load";

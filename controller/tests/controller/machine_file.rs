@@ -1112,6 +1112,86 @@ fn an_encoder_that_closes_a_loop_answers_each_sync() {
     );
 }
 
+/// One that is sent velocities; every other one is refused with the reason.
+#[test]
+fn a_drive_may_answer_every_nth_sync() {
+    let of = |model: &str, divider: u32, changes: &[(&str, &str)]| {
+        let mut text = portal_with(
+            "node = 3\nmodel = \"lxm32m\"",
+            &format!("node = 3\nmodel = \"{model}\"\nsync_divider = {divider}"),
+        );
+        if model != "lxm32m" {
+            text = text
+                .replace("drive_following_error = true\n", "")
+                .replace("drive_soft_limits = true\n", "");
+        }
+        for (from, to) in changes {
+            assert!(text.contains(from), "{from}");
+            text = text.replacen(from, to, 1);
+        }
+        parse(&text).map_err(|wrong| wrong.to_string())
+    };
+    for model in ["tlc5xx", "cia402_csv", "cia402_pv"] {
+        for divider in [1, 2, 10] {
+            let machine = of(model, divider, &[]).unwrap();
+            let device = machine.device(2);
+            let spec = device.spec();
+            assert_eq!(spec.sync_divider, divider);
+            assert_eq!(spec.traffic().divider, divider);
+            let gain = device.drive().unwrap().dynamics().unwrap().gain;
+            let each = of(model, 1, &[]).unwrap().device(2);
+            let each = each.drive().unwrap().dynamics().unwrap().gain;
+            // A quarter of the inverse of all that delays, each SYNC without an answer too.
+            let later = 0.002 * f64::from(divider - 1);
+            assert!(
+                (0.25 / gain - 0.25 / each - later).abs() < 1e-9,
+                "{model} {divider}"
+            );
+        }
+    }
+    let y = "[[axis]]\nname = \"Y\"\n";
+    let probe = "[[input]]\nname = \"probe\"\ndrive = \"Z\"\nsignal = \"DI0\"\nfunction = \"probe\"\n\n[[axis]]\nname = \"X\"\n";
+    let misses = "[[bus]]";
+    for (model, divider, changes, told) in [
+        (
+            "lxm32m",
+            2,
+            &[][..],
+            "the LXM32M is sent positions, and has to be seen to go to each of them",
+        ),
+        ("cia402_csp", 2, &[], "the CiA 402 CSP is sent positions"),
+        ("tsp10", 2, &[], "the TSP10-CBE answers no SYNC"),
+        (
+            "tlc5xx",
+            11,
+            &[],
+            "its positions would be 22 ms apart, more than 20 ms",
+        ),
+        ("tlc5xx", 0, &[], "`sync_divider` is 0"),
+        (
+            "tlc5xx",
+            2,
+            &[("[[axis]]\nname = \"X\"\n", probe)],
+            "a probe asks for the position of every axis at a SYNC",
+        ),
+        (
+            "tlc5xx",
+            10,
+            &[(misses, "[controller]\nt_pdo_misses = 5\n[[bus]]")],
+            "it might be unseen for 50 cycles, more than 40",
+        ),
+        (
+            "tlc5xx",
+            10,
+            &[(y, "[[axis]]\nname = \"Y\"\nposition_loss_ms = 80\n")],
+            "it might be unseen for 50 cycles, more than 40",
+        ),
+    ] {
+        let wrong = of(model, divider, changes).unwrap_err();
+        assert!(wrong.contains(told), "{told}\n{wrong}");
+    }
+}
+
 #[test]
 fn an_encoder_is_on_a_shaft_of_its_own_where_it_is_measured() {
     let of = |encoders: &str| {

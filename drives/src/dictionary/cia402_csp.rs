@@ -21,6 +21,8 @@ pub static CIA402_CSP: &[Entry] = &table([
     ro(0x1003, 4, "Error field 4", U32).default(0),
     rw(0x1005, 0, "COB-ID SYNC", U32).default(0x80),
     ro(0x1008, 0, "Manufacturer device name", Text(16)).default_text("CiA 402 CSP"),
+    rw(0x100C, 0, "Guard time", U16).default(0).unit("ms"),
+    rw(0x100D, 0, "Life time factor", U8).default(0),
     rw(0x1014, 0, "COB-ID EMCY", U32).default_plus_node(0x80),
     rw(0x1015, 0, "Inhibit time EMCY", U16).default(0).unit("100 us"),
     ro(0x1016, 0, "Consumer heartbeat time: number", U8).default(1),

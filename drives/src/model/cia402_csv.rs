@@ -28,6 +28,7 @@ use syncline_canopen::Frame;
 
 /// The drive in Cyclic Synchronous Velocity.
 pub(super) static CIA402_CSV: Model = Model {
+    abilities: &[Ability::SyncDivider],
     assumptions: &[
         &[
             VELOCITY_UNITS,
@@ -52,7 +53,7 @@ pub(super) static CIA402_CSV: Model = Model {
 
 /// The drive in Profile Velocity.
 pub(super) static CIA402_PV: Model = Model {
-    abilities: &[Ability::ProfileVelocity],
+    abilities: &[Ability::ProfileVelocity, Ability::SyncDivider],
     assumptions: &[
         &[
             VELOCITY_UNITS,
@@ -167,8 +168,10 @@ impl Cia402Velocity {
             latency: 1.0 + line + delay / cycle,
             dynamics: Dynamics {
                 lag,
-                // From a sample to the middle of the cycle in which it takes effect are one and a half.
-                gain: Dynamics::gain(lag + delay + (1.5 + line) * cycle),
+                // From a sample to the middle of the cycle in which it takes effect are one and a half, and it may be older.
+                gain: Dynamics::gain(
+                    lag + delay + (1.5 + line) * cycle + Dynamics::oldest(settings),
+                ),
                 quantum: units.recip(),
                 told_delay: &VELOCITY_DELAY,
                 told_lag: Some(&VELOCITY_LAG),

@@ -84,10 +84,8 @@ const HAS_SCALING: Assumption = Assumption {
 };
 
 const HAS_HEARTBEAT: Assumption = Assumption {
-    name: "has_heartbeat",
-    default: 1,
-    allowed: 0..=1,
     meaning: "1: it sends a heartbeat (1017h), and a message when it has booted; 0: it shows by its T_PDOs alone that it is there",
+    ..communication::HAS_HEARTBEAT
 };
 
 const T_PDO: Assumption = Assumption {

@@ -224,7 +224,7 @@ fn objects_of(ability: Ability) -> &'static [Address] {
         Ability::FollowingErrorLimit => const { &[Address::new(0x6065, 0)] },
         Ability::SoftLimits => const { &[Address::new(0x607D, 1), Address::new(0x607D, 2)] },
         Ability::ProfileVelocity => const { &[Address::new(0x6083, 0), Address::new(0x6084, 0)] },
-        Ability::PointToPoint => &[],
+        Ability::PointToPoint | Ability::SyncDivider => &[],
         Ability::Torque => const { &[TORQUE] },
     }
 }

@@ -186,6 +186,13 @@ pub struct Dynamics {
 }
 
 impl Dynamics {
+    /// How much older than the last SYNC a position may be, by which the loop is closed, of a device with that
+    /// [divider](super::Settings::sync_divider), s.
+    #[must_use]
+    pub fn oldest(settings: &super::Settings) -> f64 {
+        settings.cycle.as_secs_f64() * f64::from(settings.sync_divider - 1)
+    }
+
     /// The gain of a loop with so much delay and lag in all, s. A quarter of its inverse is where a loop
     /// about an integrator with a first-order lag begins to overshoot.
     #[must_use]

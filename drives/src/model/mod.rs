@@ -235,6 +235,9 @@ pub enum Ability {
     PointToPoint,
     /// Its T_PDOs can tell its torque, [`Settings::torque`].
     Torque,
+    /// Its T_PDOs can answer every so many SYNCs while its setpoints come with each, [`Settings::sync_divider`]. What has to be
+    /// seen to take each of its setpoints cannot.
+    SyncDivider,
     /// It turns at the velocities that it is sent, to which it goes by ramps of its own, [`Settings::profile_velocity`].
     ProfileVelocity,
 }
@@ -368,7 +371,8 @@ pub struct Settings {
     /// [`acceleration`](Self::acceleration), and counts on as long as it turns. Asked of those with
     /// [`Ability::ProfileVelocity`] only.
     pub profile_velocity: bool,
-    /// It answers every so many SYNCs, the transmission type of its T_PDOs: 1…240. Asked of encoders only.
+    /// It answers every so many SYNCs, the transmission type of its T_PDOs: 1…240. Asked of encoders, and of
+    /// drives with [`Ability::SyncDivider`].
     pub sync_divider: u8,
     /// What is used of its inputs and outputs.
     pub io: IoSettings,

@@ -166,11 +166,25 @@ impl Identity {
 pub enum Monitoring {
     /// Its heartbeat, which carries its NMT state.
     Heartbeat,
-    /// Its T_PDOs alone, which it sends in Operational only.
+    /// Its answers to guarding, remote requests that it is sent so often: they carry its NMT state, and without the
+    /// requests it notices that the controller is gone.
+    Guarding {
+        /// From one request to the next.
+        every: Duration,
+    },
+    /// Its T_PDOs alone, which it sends in Operational only. Such a device notices nothing when the controller dies.
     TPdos,
     /// Its answers to SDO requests for its position, 32 bits signed, that are sent all the time. Such a
     /// device notices nothing when the controller dies.
     Poll(Address),
+}
+
+impl Monitoring {
+    /// Whether the device notices by it that the controller is gone.
+    #[must_use]
+    pub const fn is_mutual(self) -> bool {
+        matches!(self, Self::Heartbeat | Self::Guarding { .. })
+    }
 }
 
 /// An object to poll after SYNC has started, until the device's clock follows it.

@@ -37,7 +37,7 @@ pub(super) static TLC5XX: Model = Model {
     // Of a motor with a Sincoder (4982).
     increments_per_revolution: |_| INCREMENTS,
     positions: Increments::MIN..=Increments::MAX,
-    abilities: &[Ability::PointToPoint],
+    abilities: &[Ability::PointToPoint, Ability::SyncDivider],
     generic: None,
     assumptions: &[
         &[
@@ -63,7 +63,27 @@ pub(super) static TLC5XX: Model = Model {
     }),
 };
 
+/// Of a motor with a Sincoder, increments for a revolution (4982).
 const INCREMENTS: u32 = 16_384;
+
+/// 1000h (6793).
+const DEVICE_TYPE: u32 = 0x0002_0192;
+
+/// 1018h:1 (7481).
+const VENDOR: u32 = 0x0100_002E;
+
+/// 6041h and 6064h as T_PDO2 brings them as delivered, too (8936, 8948).
+const STATUS_AND_POSITION: [u32; 2] = [0x6041_0010, 0x6064_0020];
+
+/// 6040h, the first object of each R_PDO (8181, 8263).
+const COMMAND: u32 = 0x6040_0010;
+
+/// 607Ah, of R_PDO2 (15474), and 60FFh, of R_PDO3 (8275).
+const TARGET_POSITION: u32 = 0x607A_0020;
+const TARGET_VELOCITY: u32 = 0x60FF_0020;
+
+/// Transmission type of an R_PDO that takes effect at the next SYNC: one cycle of it (7729).
+const AT_SYNC: u8 = 1;
 
 const UNITS_PER_RPM: Assumption = Assumption {
     name: "units_per_rpm",
@@ -101,6 +121,7 @@ const ABSOLUTE: Assumption = Assumption {
     meaning: "level of controlword bit 6 at which a target is absolute (D-02)",
 };
 
+/// 6060h (15225-15228).
 const PROFILE_POSITION: i8 = 1;
 const PROFILE_VELOCITY: i8 = 3;
 
@@ -163,6 +184,7 @@ impl Tlc5xx {
                 history: cia402::HISTORY.to_vec(),
                 tells_boot_up: false,
                 t_pdos: vec![communication::t_pdo(2, settings.node, 6)],
+                sync_divider: settings.sync_divider.into(),
                 r_pdos: vec![communication::r_pdo(r_pdo, settings.node, 6)],
                 ..spec
             },
@@ -170,8 +192,8 @@ impl Tlc5xx {
             latency: 1.0 + delay / cycle,
             dynamics: Dynamics {
                 lag,
-                // From a sample to the middle of the cycle in which it takes effect are one and a half.
-                gain: Dynamics::gain(lag + delay + 1.5 * cycle),
+                // From a sample to the middle of the cycle in which it takes effect are one and a half, and it may be older.
+                gain: Dynamics::gain(lag + delay + 1.5 * cycle + Dynamics::oldest(settings)),
                 quantum: units.recip(),
                 told_delay: &VELOCITY_DELAY,
                 told_lag: Some(&POSITION_LAG),
@@ -189,8 +211,8 @@ impl Tlc5xx {
 /// The R_PDO that brings its setpoints, and the object that they are.
 fn setpoints(settings: &Settings) -> (u8, u32) {
     match settings.point_to_point {
-        true => (2, 0x607A_0020),
-        false => (3, 0x60FF_0020),
+        true => (2, TARGET_POSITION),
+        false => (3, TARGET_VELOCITY),
     }
 }
 
@@ -207,11 +229,11 @@ const fn mode(point_to_point: bool) -> i8 {
 fn identity() -> Vec<Identity> {
     let reads = Identity::new;
     vec![
-        reads(0x1000, 0, "device type", 0x0002_0192),
-        reads(0x1018, 1, "vendor", 0x0100_002E),
-        reads(0x6093, 1, "position factor, numerator", 1),
-        reads(0x6093, 2, "position factor, denominator", INCREMENTS),
-        reads(0x2045, 0, "inversion of rotation", 0),
+        reads(0x1000, 0, "device type", DEVICE_TYPE),
+        reads(0x1018, 1, "vendor", VENDOR),
+        reads(0x6093, 1, "position factor, numerator", 1), // 15787
+        reads(0x6093, 2, "position factor, denominator", INCREMENTS), // 15799
+        reads(0x2045, 0, "inversion of rotation", 0),      // 10226
     ]
 }
 
@@ -227,10 +249,10 @@ fn setup(settings: &Settings, finer: u32) -> Vec<Write> {
         setup.push(w(0x17FF + u16::from(n), 1, Data::u32(transmit)));
     }
     setup.push(w(0x6040, 0, Data::u16(0)));
-    setup.push(w(0x6040, 0, Data::u16(0x80))); // Fault Reset
+    setup.push(w(0x6040, 0, Data::u16(0x80))); // Fault Reset (2728)
     setup.push(w(0x6060, 0, Data::u8(mode(settings.point_to_point) as u8)));
-    setup.push(w(0x6094, 1, Data::i32(1)));
-    setup.push(w(0x6094, 2, Data::i32(finer as i32)));
+    setup.push(w(0x6094, 1, Data::i32(1))); // 15829
+    setup.push(w(0x6094, 2, Data::i32(finer as i32))); // 15845
     setup.push(w(0x607F, 0, Data::u32(MOST_UNITS as u32)));
     // As delivered it is 3000 r/min, at which motions end without a word.
     let speed = (rpm(settings.velocity) * RESERVE).clamp(1.0, MOST_SPEED);
@@ -243,20 +265,21 @@ fn setup(settings: &Settings, finer: u32) -> Vec<Write> {
     let (r_pdo, setpoint) = setpoints(settings);
     let parameters = 0x13FF + u16::from(r_pdo);
     for (index, mapped) in [
-        (0x200 + parameters, [0x6040_0010, setpoint]),
-        (0x1A01, [0x6041_0010, 0x6064_0020]),
+        (0x200 + parameters, [COMMAND, setpoint]),
+        (0x1A01, STATUS_AND_POSITION),
     ] {
         setup.push(w(index, 0, Data::u8(0)));
         setup.push(w(index, 1, Data::u32(mapped[0])));
         setup.push(w(index, 2, Data::u32(mapped[1])));
         setup.push(w(index, 0, Data::u8(2)));
     }
-    setup.push(w(parameters, 2, Data::u8(1))); // at every SYNC
-    setup.push(w(0x1801, 2, Data::u8(1)));
+    setup.push(w(parameters, 2, Data::u8(AT_SYNC)));
+    setup.push(w(0x1801, 2, Data::u8(settings.sync_divider)));
     let receive = CobIdWord::valid(CobId::r_pdo(r_pdo, node)).0;
     let transmit = CobIdWord::valid(CobId::t_pdo(2, node)).0;
     setup.push(w(parameters, 1, Data::u32(receive)));
     setup.push(w(0x1801, 1, Data::u32(transmit)));
+    // Guarding and heartbeat exclude each other (2237-2245).
     setup.push(w(0x100C, 0, Data::u16(0)));
     setup.extend(communication::heartbeats(&settings.heartbeat));
     setup

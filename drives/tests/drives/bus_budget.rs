@@ -112,11 +112,11 @@ prop_compose! {
         let pdo = |direction, cob_id, bytes| Pdo { direction, cob_id, bytes };
         let nodes = nodes.iter().zip(1..).map(|(&(t, r, response, second, divider), id)| {
             let node = NodeId::new(id).unwrap();
-            let mut pdos = vec![pdo(Direction::Transmit, CobId::t_pdo(2, node), t)];
-            // What answers every nth SYNC is an encoder, which is sent nothing.
-            if divider == 1 {
-                pdos.push(pdo(Direction::Receive, CobId::r_pdo(2, node), r));
-            }
+            // What answers every nth SYNC is sent its R_PDO in each cycle all the same.
+            let mut pdos = vec![
+                pdo(Direction::Transmit, CobId::t_pdo(2, node), t),
+                pdo(Direction::Receive, CobId::r_pdo(2, node), r),
+            ];
             if second {
                 pdos.push(pdo(Direction::Transmit, CobId::t_pdo(4, node), r));
             }

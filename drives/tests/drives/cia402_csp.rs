@@ -292,3 +292,21 @@ fn a_fault_reaction_that_does_not_stop_the_motor_ends() {
     assert_eq!(bench.state(), State::Fault);
     assert_eq!(bench.twin().observe().velocity, 0.0);
 }
+
+/// Guarded by remote requests (100Ch, 100Dh) it goes on as long as they come, and brakes with a fault when they stay away,
+/// SYNC and setpoints or not.
+#[test]
+fn a_guarded_drive_misses_its_master() {
+    let mut bench = Bench::following(TwinConfig::new(id(NODE)));
+    bench.write(NODE, 0x100C, 0, &[100, 0]).unwrap();
+    bench.write(NODE, 0x100D, 0, &[4]).unwrap();
+    let position = bench.position();
+    for _ in 0..10 {
+        assert!(bench.remote(0x700 + u16::from(NODE)).is_some());
+        bench.cycles(30, 0x0F, position);
+    }
+    assert_eq!(bench.state(), State::OperationEnabled);
+    bench.cycles(20, 0x0F, position);
+    assert_eq!(bench.state(), State::Fault);
+    assert_eq!(bench.emcy().unwrap()[..2], [0x30, 0x81]);
+}

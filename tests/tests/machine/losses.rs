@@ -153,7 +153,7 @@ fn lost(rig: &mut Rig, device: usize, loss: Loss) -> (String, Duration) {
 /// The time in which it has to be noticed.
 fn stated(rig: &Rig, device: usize, by: By) -> Duration {
     match by {
-        By::Telling => rig.layout.tells_within(),
+        By::Telling => rig.layout.tells_within(device),
         By::Sign(is) => {
             let mut notices = rig.layout.notices(device);
             notices.find(|it| is(it.sign)).expect("it has it").within

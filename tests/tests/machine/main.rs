@@ -88,3 +88,4 @@ mod velocity_mode_spindle;
 mod vertical;
 mod way_back;
 mod wired;
+mod without_heartbeat;

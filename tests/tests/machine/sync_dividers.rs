@@ -1,6 +1,8 @@
-//! An encoder that tells its position at every nth SYNC, beside the drive of the portal's Z or on a shaft of its own.
+//! An encoder that tells its position at every nth SYNC, beside the drive of the portal's Z or on a shaft of its own; and a
+//! drive that is sent velocities and does so, on Y.
 
 use super::point_to_point::PROBE;
+use super::velocity;
 use proptest::prelude::*;
 use std::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, NodeId};
@@ -225,4 +227,119 @@ fn start_up_tells_how_often_it_answers() {
     );
     assert!(told.contains("missing T_PDOs within 22 ms"), "{told}");
     assert!(told.contains("counts within 12 ms"), "{told}");
+}
+
+// --- a drive ---
+
+/// Its place in the machine file, and its axis.
+const DRIVE: usize = 2;
+const Y: usize = 1;
+
+/// The portal with a drive on Y that is sent velocities.
+fn streamed(model: &str, divider: u32, program: &str) -> Rig {
+    let zero = match model {
+        "tlc5xx" => 50_266,
+        _ => 402_131 * 8,
+    };
+    let drive = format!("node = 3\nmodel = \"{model}\"\nsync_divider = {divider}\nzero = {zero}");
+    let changes = [
+        ("node = 3\nmodel = \"lxm32m\"\nzero = 402_131", &*drive),
+        velocity::CHANGES[1],
+    ];
+    Rig::new("portal", &changes, program, |_, _| ())
+}
+
+const CIRCLES: &str = "G21 G90 G94 G61\nG0 X300 Y300\nG1 X320 Y300 F6000\n\
+    G3 X320 Y300 I-20\nG3 X320 Y300 I-20\nM2\n";
+
+fn y_pdos(rig: &Rig, id: CobId) -> Vec<usize> {
+    let (mut apart, mut syncs) = (vec![], None);
+    for it in rig.frames() {
+        if it.frame.id() == CobId::SYNC.into() {
+            syncs = syncs.map(|syncs: usize| syncs + 1);
+        } else if it.frame.id() == id.into() {
+            apart.extend(syncs.replace(0));
+        }
+    }
+    apart
+}
+
+/// By how much Y is off its plan at the most.
+fn worst(rig: &Rig) -> f64 {
+    let errors = rig.rows.iter().map(|row| row.axes[Y].following_error.abs());
+    errors.fold(0.0, f64::max)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
+
+    /// It answers every nth SYNC and is sent a velocity at each; what its axis is off grows no more than the loop gets slower,
+    /// and between two answers the trace has it where it is.
+    #[test]
+    fn a_drive_that_answers_every_nth_sync_follows(
+        divider in 2..=10_u32,
+        model in prop::sample::select(&["tlc5xx", "cia402_csv"][..]),
+    ) {
+        let mut each = streamed(model, 1, CIRCLES);
+        prop_assert_eq!(each.finish(), End::Finished, "{:?}", each.events);
+        let mut rig = streamed(model, divider, CIRCLES);
+        prop_assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+        let missed = |event: &Event| matches!(event, Event::MissedTPdo { device: DRIVE });
+        prop_assert!(!rig.events.iter().any(missed));
+        let node = NodeId::new(3).unwrap();
+        let t_pdo = CobId::t_pdo(if model == "tlc5xx" { 2 } else { 1 }, node);
+        let r_pdo = CobId::r_pdo(if model == "tlc5xx" { 3 } else { 1 }, node);
+        let told = y_pdos(&rig, t_pdo);
+        let others = told.iter().filter(|it| **it != divider as usize).count();
+        prop_assert!(told.len() > 100 && others <= 1, "{told:?}");
+        prop_assert!(y_pdos(&rig, r_pdo).iter().all(|it| *it == 1));
+        let gain = |rig: &Rig| rig.layout.devices[DRIVE].device.drive().unwrap().dynamics().unwrap().gain;
+        let slower = gain(&each) / gain(&rig);
+        let (least, most) = (worst(&each), worst(&rig));
+        println!("{model} {divider}: {most:.4} of {least:.4} mm, loop {slower:.2} times as slow");
+        prop_assert!(most <= slower * least + 0.01, "{most}, {least}, {slower}");
+        // No step where an answer comes: 100 mm/s go 0.2 mm in a cycle.
+        let act: Vec<f64> = rig.rows.iter().map(|row| row.axes[Y].act).collect();
+        let set: Vec<f64> = rig.rows.iter().map(|row| row.axes[Y].set).collect();
+        for at in 1..act.len() {
+            let odd = (act[at] - act[at - 1]) - (set[at] - set[at - 1]);
+            prop_assert!(odd.abs() < 0.08, "row {at}: {odd}");
+        }
+    }
+
+    /// A loss, and what it tells, is found in the time that start-up tells.
+    #[test]
+    fn what_such_a_drive_tells_is_seen_in_time(
+        divider in 2..=10_u32,
+        row in 5..ROWS,
+        wake_ups in 0..3usize,
+        silent: bool,
+    ) {
+        let mut rig = streamed("tlc5xx", divider, CIRCLES);
+        rig.run_to_row(row);
+        for _ in 0..wake_ups {
+            rig.step();
+        }
+        let within = match silent {
+            true => rig.layout.notices(DRIVE).find(|it| it.sign == Sign::TPdos).unwrap().within,
+            false => rig.layout.tells_within(DRIVE),
+        };
+        rig.twin(DRIVE).disturb(match silent {
+            true => Disturbance::LoseTPdos(3),
+            false => Disturbance::Remote(false),
+        });
+        let before = rig.session.timeline().now();
+        rig.run_until(|rig| !rig.controller().faults().is_empty());
+        let after = rig.session.timeline().now().saturating_since(before);
+        let fault = rig.controller().faults()[0];
+        let is_it = match fault {
+            Fault::Device(DRIVE, DeviceCause::MissingTPdo { misses }) => silent && misses == 2 * divider,
+            Fault::Device(DRIVE, DeviceCause::NotFollowing { .. }) => !silent,
+            _ => false,
+        };
+        prop_assert!(is_it, "{fault:?}");
+        prop_assert!(after <= within, "{after:?} of {within:?}");
+        prop_assert!(within <= rig.layout.cycle * (2 * divider + 1));
+        prop_assert!(matches!(rig.finish(), End::Fault(_)) && rig.ends_at_rest());
+    }
 }

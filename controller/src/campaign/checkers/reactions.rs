@@ -61,6 +61,7 @@ fn row(fault: &Fault) -> (Subject, Row) {
                 | DeviceCause::SecondTPdo
                 | DeviceCause::TwoNodes
                 | DeviceCause::HeartbeatLost
+                | DeviceCause::GuardingUnanswered
                 | DeviceCause::PollUnanswered { .. }
                 | DeviceCause::NoNmtState
                 | DeviceCause::UnknownNmtState { .. }

@@ -50,6 +50,15 @@ impl AxisControl {
         act - OUTWARDS[side] * self.apart(cycle)
     }
 
+    /// Where a side is taken to be that does not answer every SYNC and did not answer the last, mm: it goes on as it was planned
+    /// to, with the error that was seen last.
+    pub(super) fn goes_on(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> Option<f64> {
+        let telling = &nodes[self.telling(side)];
+        let between = telling.age() > 0 && telling.has_answered();
+        let now = || self.history.planned(cycle, self.lag).position;
+        between.then(|| now() - self.following_error(cycle, side, nodes))
+    }
+
     /// Where a side should have been at the SYNC of its last sample, mm; `cycle` is that of the last SYNC.
     pub(super) fn due(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
         let age = nodes[self.telling(side)].age();

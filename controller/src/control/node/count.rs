@@ -27,12 +27,17 @@ impl DeviceNode {
         self.lost_count
     }
 
-    /// Notices that it may have begun anew without a word of it: it told by heartbeats that it runs, and does so no more. Also
-    /// of one of which nothing else is expected any more.
-    pub(in crate::control) fn watch_count(&mut self, now: Instant) {
-        let ran = self.heartbeat.state() == Some(nmt::State::Operational);
-        let is_watched = self.monitoring() == Monitoring::Heartbeat && ran;
-        self.lost_count |= is_watched && !self.heartbeat.is_alive(now);
+    /// Notices that it may have begun anew without a word of it: it told by signs of life that it runs, and does so no more, or
+    /// by its T_PDOs, while it `runs`. Also of one of which nothing else is expected any more.
+    pub(in crate::control) fn watch_count(&mut self, now: Instant, runs: bool) {
+        self.lost_count |= match self.monitoring() {
+            Monitoring::Heartbeat | Monitoring::Guarding { .. } => {
+                let ran = self.heartbeat.state() == Some(nmt::State::Operational);
+                ran && !self.heartbeat.is_alive(now)
+            }
+            Monitoring::TPdos => runs && self.is_sampled() && !self.is_fresh(),
+            Monitoring::Poll(_) => false,
+        };
     }
 
     /// Its reset is over: it begins anew by itself from now on.

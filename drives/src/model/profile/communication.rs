@@ -1,6 +1,6 @@
 //! Communication as CiA 301 has it for every device.
 
-use crate::model::{Assumption, Data, Heartbeat, Write};
+use crate::model::{Assumed, Assumption, Data, Heartbeat, Monitoring, Write};
 use core::time::Duration;
 use syncline_canopen::budget::{Direction, Pdo};
 use syncline_canopen::{CobId, NodeId};
@@ -36,12 +36,72 @@ pub(in crate::model) const fn responses(t_pdo: u32, sdo: u32) -> [Assumption; 2]
 
 /// The device's own heartbeat (1017h) and its watch on the controller's (1016h:1).
 pub(in crate::model) fn heartbeats(heartbeat: &Heartbeat) -> [Write; 2] {
-    let ms = |time: Duration| time.as_millis().min(u16::MAX.into()) as u16;
-    let watch = u32::from(heartbeat.controller.get()) << 16 | u32::from(ms(heartbeat.consumer));
+    let watch = u32::from(heartbeat.controller.get()) << 16 | u32::from(millis(heartbeat.consumer));
     [
-        Write::new(0x1017, 0, Data::u16(ms(heartbeat.producer))),
+        Write::new(0x1017, 0, Data::u16(millis(heartbeat.producer))),
         Write::new(0x1016, 1, Data::u32(watch)),
     ]
+}
+
+/// Whether a device has a heartbeat.
+pub(in crate::model) const HAS_HEARTBEAT: Assumption = Assumption {
+    name: "has_heartbeat",
+    default: 1,
+    allowed: 0..=1,
+    meaning: "1: it sends a heartbeat (1017h) and watches the controller's (1016h:1); 0: it has neither, see has_guarding",
+};
+
+/// Whether a device without a heartbeat is guarded instead.
+pub(in crate::model) const HAS_GUARDING: Assumption = Assumption {
+    name: "has_guarding",
+    default: 0,
+    allowed: 0..=1,
+    meaning: "1: without a heartbeat it is guarded by remote requests, and notices when they stay away (100Ch, 100Dh); \
+              0: it shows by its T_PDOs alone that it is there, and does not notice that the controller is gone",
+};
+
+/// Requests in the time after which a guarded device is lost, and loses the controller (100Dh). One of them may get lost,
+/// and the next answer with it, whose toggle bit does not follow.
+const LIFE_TIME_FACTOR: u8 = 4;
+
+/// By what a device shows that it is there, by what is assumed of it.
+pub(in crate::model) fn monitoring(assumed: &Assumed, heartbeat: &Heartbeat) -> Monitoring {
+    if assumed.value(&HAS_HEARTBEAT) != 0 {
+        Monitoring::Heartbeat
+    } else if assumed.value(&HAS_GUARDING) != 0 {
+        // In whole milliseconds, as 100Ch counts.
+        let millis = heartbeat.consumer.as_millis() as u64 / u64::from(LIFE_TIME_FACTOR);
+        Monitoring::Guarding {
+            every: Duration::from_millis(millis.max(1)),
+        }
+    } else {
+        Monitoring::TPdos
+    }
+}
+
+/// What a device has to be set to for that: its heartbeats, or the times of its guarding.
+pub(in crate::model) fn supervision(monitoring: Monitoring, heartbeat: &Heartbeat) -> Vec<Write> {
+    match monitoring {
+        Monitoring::Heartbeat => heartbeats(heartbeat).to_vec(),
+        Monitoring::Guarding { every } => vec![
+            Write::new(0x100C, 0, Data::u16(millis(every))),
+            Write::new(0x100D, 0, Data::u8(LIFE_TIME_FACTOR)),
+        ],
+        Monitoring::TPdos | Monitoring::Poll(_) => Vec::new(),
+    }
+}
+
+/// Takes life guarding back, so that a device that is switched off does not miss the controller.
+pub(in crate::model) fn end_of_supervision(monitoring: Monitoring) -> Vec<Write> {
+    match monitoring {
+        Monitoring::Guarding { .. } => vec![Write::new(0x100C, 0, Data::u16(0))],
+        Monitoring::Heartbeat | Monitoring::TPdos | Monitoring::Poll(_) => Vec::new(),
+    }
+}
+
+/// As 100Ch, 1016h and 1017h have it.
+fn millis(time: Duration) -> u16 {
+    time.as_millis().min(u16::MAX.into()) as u16
 }
 
 /// The device's T_PDO with that number, at its identifier of the predefined connection set.

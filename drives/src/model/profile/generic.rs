@@ -5,11 +5,11 @@
 //! way, is an [`Assumption`].
 
 use super::cia402;
-use super::communication::{self, SDO_RESPONSE, T_PDO_RESPONSE};
+use super::communication::{self, HAS_GUARDING, HAS_HEARTBEAT, SDO_RESPONSE, T_PDO_RESPONSE};
 use crate::dictionary;
 use crate::model::{
-    Address, Assumed, Assumption, Data, Identity, Increments, Make, Model, NodeSpec, Settings,
-    Write,
+    Address, Assumed, Assumption, Data, Identity, Increments, Make, Model, Monitoring, NodeSpec,
+    Settings, Write,
 };
 use core::time::Duration;
 use syncline_canopen::dictionary::Preset;
@@ -91,7 +91,7 @@ pub(in crate::model) const COUNTING: &[Assumption] = &[ENCODER_INCREMENTS, HAS_R
 /// What one may leave out of a cyclic synchronous mode.
 pub(in crate::model) const SYNCHRONOUS: &[Assumption] = &[HAS_PERIOD, TELLS_FOLLOWING];
 
-/// Who made it, its PDOs, and how fast it answers.
+/// Who made it, its PDOs, how it is supervised, and how fast it answers.
 pub(in crate::model) const DRIVE: &[Assumption] = &[
     VENDOR_ID,
     PRODUCT_CODE,
@@ -99,6 +99,8 @@ pub(in crate::model) const DRIVE: &[Assumption] = &[
     R_PDO,
     T_PDO,
     FIXED_MAPPING,
+    HAS_HEARTBEAT,
+    HAS_GUARDING,
     T_PDO_RESPONSE,
     SDO_RESPONSE,
 ];
@@ -169,16 +171,23 @@ pub(in crate::model) fn spec(
 ) -> NodeSpec {
     let (node, assumed) = (settings.node, &settings.assumed);
     let [r_pdo, t_pdo] = [&R_PDO, &T_PDO].map(|pdo| number(assumed, pdo));
-    let setup = setup(model, settings, kind, own);
+    let monitoring = communication::monitoring(assumed, &settings.heartbeat);
+    let mut setup = setup(model, settings, kind, own);
+    setup.extend(communication::supervision(monitoring, &settings.heartbeat));
     NodeSpec {
         identity: identity(assumed, kind),
         history: cia402::HISTORY.to_vec(),
+        // Older devices, which have no heartbeat, need not say that they have booted.
+        tells_boot_up: monitoring == Monitoring::Heartbeat,
+        monitoring,
+        release: communication::end_of_supervision(monitoring),
         // Statusword and actual value, and the torque.
         t_pdos: vec![communication::t_pdo(
             t_pdo,
             node,
             bytes(kind.actual) + if tells_torque(settings) { 2 } else { 0 },
         )],
+        sync_divider: settings.sync_divider.into(),
         // Controlword and setpoint.
         r_pdos: vec![communication::r_pdo(r_pdo, node, bytes(kind.setpoint))],
         ..NodeSpec::new(model, settings, setup, cia402::is_command)
@@ -348,10 +357,9 @@ fn setup(model: &'static Model, settings: &Settings, kind: Kind, own: Vec<Write>
     }
     let (receive, transmit) = (parameter(0x1400, r_pdo), parameter(0x1800, t_pdo));
     setup.push(w(receive, 2, Data::u8(1))); // at every SYNC
-    setup.push(w(transmit, 2, Data::u8(1)));
+    setup.push(w(transmit, 2, Data::u8(settings.sync_divider)));
     setup.push(w(receive, 1, Data::u32(r_pdo_word(r_pdo))));
     setup.push(w(transmit, 1, Data::u32(t_pdo_word(t_pdo, node))));
-    setup.extend(communication::heartbeats(&settings.heartbeat));
     setup
 }
 

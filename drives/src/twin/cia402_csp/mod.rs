@@ -44,7 +44,7 @@ use crate::dictionary::CIA402_CSP;
 use drive::Drive;
 use syncline_canopen::cia402::{State, Statusword};
 use syncline_canopen::dictionary::{Dictionary, Entry};
-use syncline_canopen::node::Options;
+use syncline_canopen::node::{BootUp, Options};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Address, BIT_RATES, NodeId};
 
@@ -121,6 +121,8 @@ pub struct TwinConfig {
     pub velocity_unit: Option<[u32; 2]>,
     /// Encoder increments per motor revolution: 608Fh:1.
     pub encoder_increments: u32,
+    /// It says that it has booted; one without a heartbeat does not.
+    pub tells_boot_up: bool,
     /// How unevenly it turns in Profile Velocity.
     pub ripple: Option<Ripple>,
     /// Motor, axis, encoder and gains.
@@ -146,6 +148,7 @@ impl TwinConfig {
             mode: CYCLIC_SYNCHRONOUS_POSITION as u32,
             velocity_unit: None,
             encoder_increments: 1_048_576,
+            tells_boot_up: true,
             ripple: None,
             servo: ServoAxis {
                 encoder: EncoderErrors {
@@ -174,6 +177,7 @@ impl TwinConfig {
             encoder_increments: config
                 .assumed("encoder_increments")
                 .unwrap_or(own.encoder_increments),
+            tells_boot_up: config.assumed("has_heartbeat") != Some(0),
             dictionary: config.dictionary.unwrap_or(own.dictionary),
             identity: ["vendor_id", "product_code"].map(|name| config.assumed(name)),
             mode: config.assumed("mode").unwrap_or(mode as u32),
@@ -204,6 +208,10 @@ impl Device<Drive> {
     pub fn new(config: TwinConfig) -> Self {
         let objects = Dictionary::new(config.dictionary, config.processor.node);
         let options = Options {
+            boot_up: match config.tells_boot_up {
+                true => Options::default().boot_up,
+                false => BootUp::Silent,
+            },
             ..Options::default()
         };
         let processor = config.processor.clone();
