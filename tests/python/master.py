@@ -80,6 +80,17 @@ def protocol_aborts(node, index):
     aborted(0x06070010, lambda: request(b"\x0b" + bytes(7)))
 
 
+def silence_aborts(node, index):
+    """Asserts that a transfer whose client has gone silent is given up, five seconds later; the object has four bytes."""
+    sdo = node.sdo
+    sdo.request_response(b"\x21" + struct.pack("<HB", index, 0) + struct.pack("<I", 4))
+    timeout, sdo.RESPONSE_TIMEOUT = sdo.RESPONSE_TIMEOUT, 10
+    try:
+        aborted(0x05040000, sdo.read_response)
+    finally:
+        sdo.RESPONSE_TIMEOUT = timeout
+
+
 def connected(interface, *options):
     """The network on the bus that python-can opens with an interface and options KEY=VALUE."""
     options = dict(option.split("=", 1) for option in options)

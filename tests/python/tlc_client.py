@@ -10,7 +10,8 @@ is bounded.
 import struct
 
 from master import (
-    TARGET_REACHED, aborted, answers, ok, protocol_aborts, received, take_through, until, word,
+    TARGET_REACHED, aborted, answers, ok, protocol_aborts, received, silence_aborts, take_through,
+    until, word,
 )
 
 ACKNOWLEDGED = 1 << 12
@@ -30,9 +31,11 @@ def bring_up(node):
 
 
 def aborts(node):
+    """All that the server has but 0800 0021h, for which a panel has to have control."""
     sdo = node.sdo
     aborted(0x06010000, lambda: sdo.upload(0x1400, 4))
     protocol_aborts(node, 0x607A)
+    silence_aborts(node, 0x607A)
     aborted(0x06010001, lambda: sdo.upload(0x6060, 0))
     aborted(0x06010002, lambda: sdo.download(0x6041, 0, bytes(2)))
     aborted(0x06020000, lambda: sdo.upload(0x100E, 0))

@@ -215,12 +215,13 @@ impl AxisControl {
     }
 
     /// Takes it that the edges of its switches, one a side, are at the machine position that the machine
-    /// file says; without switches, that the axis stands there. Returns by how much that may be off, mm.
+    /// file says; without switches, that the axis stands there. Returns by how much that may be off, and, of one that was
+    /// referenced before, how far it believed to be from there, mm.
     pub(super) fn reference(
         &mut self,
         edges: [Option<Edge>; 2],
         nodes: &mut [DeviceNode],
-    ) -> Result<f64, Fault> {
+    ) -> Result<(f64, Option<f64>), Fault> {
         let position = match &self.spec.homing.method {
             HomingMethod::Encoder => 0.0,
             HomingMethod::SetHere { position } => *position,
@@ -228,7 +229,7 @@ impl AxisControl {
             HomingMethod::HardStop(search) => search.position,
             HomingMethod::Drive(homing) => homing.position,
         };
-        let mut uncertainty = 0.0_f64;
+        let (mut uncertainty, mut moved) = (0.0_f64, None::<f64>);
         let squareness = self.spec.homing.square.map_or(0.0, |it| it.squareness);
         let places = [position, position + squareness];
         for ((edge, place), &drive) in edges.into_iter().zip(places).zip(&self.spec.drives) {
@@ -238,11 +239,16 @@ impl AxisControl {
                 None => (node.setpoint.position, 1),
             };
             uncertainty = uncertainty.max(off as f64 * node.scaling().resolution());
-            node.origin = at - node.increments(place)?;
+            let origin = at - node.increments(place)?;
+            let believed = node.scaling().to_mm(at - node.origin) - place;
+            node.origin = origin;
             node.keep_count();
+            if self.referenced && moved.is_none_or(|moved| believed.abs() > moved.abs()) {
+                moved = Some(believed);
+            }
         }
         self.referenced = true;
-        Ok(uncertainty)
+        Ok((uncertainty, moved))
     }
 
     /// Goes on at rest from where its setpoints are, which do not change; its position there, mm. Of a

@@ -123,6 +123,8 @@ pub enum Event {
         uncertainty: Option<f64>,
         /// Of a gantry: how far the second side stood beyond the first, which is being taken out, mm.
         apart: f64,
+        /// Of one that was homed before: where it believed to be minus where it was, mm.
+        moved: Option<f64>,
     },
     /// An axis has made its test move.
     Tested {
@@ -705,13 +707,18 @@ impl Event {
         Some(match *self {
             Self::Frozen { position, .. } => format!("axis {name} stands at {position:.4} {unit}"),
             Self::Referenced {
-                uncertainty, apart, ..
+                uncertainty,
+                apart,
+                moved,
+                ..
             } => {
                 let to = uncertainty.map(|off| format!(", to {off:.4} {unit}"));
                 let square = (axis.drives.len() == 2)
                     .then(|| format!("; its sides were {apart:.4} {unit} out of square"));
-                let (to, square) = (to.unwrap_or_default(), square.unwrap_or_default());
-                format!("axis {name} is homed{to}{square}")
+                let moved = moved
+                    .map(|by| format!("; it was {by:.4} {unit} beside where it believed to be"));
+                let [to, square, moved] = [to, square, moved].map(Option::unwrap_or_default);
+                format!("axis {name} is homed{to}{square}{moved}")
             }
             Self::Tested { factor, .. } => format!(
                 "axis {name} has made its test move, {factor:.4} times as far as its drive was sent"

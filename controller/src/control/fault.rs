@@ -359,6 +359,11 @@ pub enum AxisCause {
         /// The encoder's position minus the drives', mm.
         difference: f64,
     },
+    /// Homed again, it was not where it believed to be: it has lost steps, or its coupling has slipped.
+    ReferenceMoved {
+        /// Where it believed to be minus where it was, mm.
+        difference: f64,
+    },
 }
 
 /// What the spindle did, which its drive turns.
@@ -551,6 +556,9 @@ impl Fault {
             AxisCause::FeedbackDifference { difference } => {
                 (difference.abs(), names.axis(axis).feedback?.difference)
             }
+            AxisCause::ReferenceMoved { difference } => {
+                (difference.abs(), names.axis(axis).homing.reference_limit?)
+            }
             AxisCause::OutsideSoftLimits { position } => {
                 let (min, max) = limits.position;
                 (position, if position < min { min } else { max })
@@ -674,6 +682,11 @@ impl AxisCause {
                  is, allowed {} {unit}: look for a coupling or belt that slips or is broken and for \
                  lost steps, then check the `zero` of both",
                 axis.feedback.map_or(0.0, |feedback| feedback.difference)
+            ),
+            Self::ReferenceMoved { difference } => format!(
+                "axis {name}: homed again, it was {difference:.4} {unit} beside where it believed to be, allowed {} {unit}: \
+                 look for lost steps and for a coupling or belt that has slipped, check what was made since, and home it again",
+                axis.homing.reference_limit.unwrap_or(0.0)
             ),
             Self::FollowingError { error, allowed } => format!(
                 "axis {name}: following error {error:.4} {unit}, allowed {allowed} {unit}: look for a \

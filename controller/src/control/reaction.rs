@@ -186,7 +186,9 @@ impl Fault {
                     Cause::BringUp
                 }
                 AxisCause::Skew { .. } => Cause::Skew,
-                AxisCause::FeedbackDifference { .. } => Cause::Feedback,
+                AxisCause::FeedbackDifference { .. } | AxisCause::ReferenceMoved { .. } => {
+                    Cause::Feedback
+                }
                 AxisCause::LimitSwitch { .. } => Cause::LimitSwitch,
                 AxisCause::FollowingError { .. }
                 | AxisCause::TestMove { .. }
@@ -310,7 +312,7 @@ impl fmt::Display for Cause {
             Self::PositionRange => "setpoint beyond what a drive can count",
             Self::FollowingError => "following error, also in a test move",
             Self::Jump => "jump of an actual position",
-            Self::Feedback => "difference between an axis' encoder and its drives",
+            Self::Feedback => "difference between an axis' encoder and its drives, or between its reference and where it believed that",
             Self::LimitSwitch => "an axis moves further onto its limit switch, or its other one comes on",
             Self::Skew => "skew of a gantry",
             Self::SetpointGuard => "setpoint of a drive beyond its axis' limits",

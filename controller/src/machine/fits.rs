@@ -215,6 +215,31 @@ pub(super) fn settle_motions(
     }
 }
 
+/// Whether each drive that goes to targets has a ramp as flat as its axis needs. `places` are where the file names the drives.
+pub(super) fn check_ramps(log: &mut Log<'_>, machine: &Machine, places: &[Range<usize>]) {
+    for ((index, drive), place) in machine.drives.iter().enumerate().zip(places) {
+        let axis = &machine.axes[drive.axis];
+        let device = machine.device(index);
+        let least =
+            device.drive().map_or(0.0, model::Drive::least_ramp) * drive.scaling.resolution();
+        let most = axis.limits.acceleration;
+        if axis.motion != Motion::PointToPoint || most >= least {
+            continue;
+        }
+        let [.., unit, _] = axis.units();
+        log.report(
+            place.clone(),
+            format!(
+                "axis \"{}\": `max_acceleration` is {most}, and drive \"{}\" ({}) has no ramp below {least:.4} {unit}",
+                axis.name(),
+                drive.name,
+                drive.model.title
+            ),
+            format!("allowed: from {least:.4} {unit}"),
+        );
+    }
+}
+
 /// Whether each drive that is sent velocities has what its axis's loop needs: a position at every SYNC, and
 /// something that stops it where the controller dies. `places` are where the file names the drives.
 pub(super) fn check_loops(log: &mut Log<'_>, machine: &Machine, places: &[Range<usize>]) {

@@ -45,6 +45,9 @@ pub struct Homing {
     /// The encoders of an axis that is homed keep counting without power: its reference holds when it is switched on
     /// again and has moved by no more than this since, mm.
     pub moved_limit: Option<f64>,
+    /// Where it is homed again, its reference may be so far from where it believed that to be, mm; more is a fault: lost steps, or a
+    /// coupling that has slipped. `None`: that is told alone.
+    pub reference_limit: Option<f64>,
     /// The slow move with which each homing begins of an axis whose drive is sent velocities, if it is to.
     pub test_move: Option<TestMove>,
 }
@@ -153,6 +156,7 @@ impl Default for Homing {
             jog_distance: f64::INFINITY,
             square: None,
             moved_limit: None,
+            reference_limit: None,
             test_move: None,
         }
     }
@@ -339,6 +343,11 @@ pub(super) fn read(
                 format!("{}: `moved_limit` where no reference is kept", table.title),
                 "allowed: with `absolute = true`, for encoders that count without power",
             );
+        }
+        // One that homes by itself has forgotten where it was.
+        if own.is_none() {
+            let limit = table.positive_if(log, "reference_limit", position);
+            homing.reference_limit = limit.map(Spanned::into_inner);
         }
         refuse_drive_limits(log, axis);
     }

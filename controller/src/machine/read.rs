@@ -300,6 +300,7 @@ impl Tables {
         fits::settle_motions(log, &mut machine, &motions, &named);
         limit_inputs::check(log, &machine, &limit_switches);
         encoder::check(log, &machine, &stated);
+        fits::check_ramps(log, &machine, &named);
         fits::check_loops(log, &machine, &named);
         fits::check_spindle(log, &machine, turned);
         fits::check_guarding(log, &machine, &named);

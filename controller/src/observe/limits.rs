@@ -24,10 +24,11 @@
 
 use super::differences::{Differences, Uncertainty};
 use super::kept::Kept;
+use super::positioning::Positioning;
 use super::record::{Place, Violation};
 use super::sent::SentSetpoints;
 use crate::control::Row;
-use crate::machine::{Axis, AxisLimits, COORDINATES, Machine};
+use crate::machine::{Axis, AxisLimits, COORDINATES, Machine, Motion};
 use syncline_drives::model::{self, Direction, Increments, Setpoints, unwrapped};
 
 /// A plan may exceed a limit by this part of it: rounding.
@@ -127,6 +128,8 @@ pub(super) struct AxisWatches {
     following_tolerance: f64,
     /// SYNCs at which a drive had been sent no setpoint.
     pub(super) unsent: u64,
+    /// Of an axis that goes point to point.
+    pub(super) positioning: Option<Positioning>,
 }
 
 /// A drive of an axis by what it is sent; its increments as the machine file has them.
@@ -235,6 +238,7 @@ impl AxisWatches {
             following_at: Place::default(),
             following_tolerance: machine.validation.following_error,
             unsent: 0,
+            positioning: (axis.motion == Motion::PointToPoint).then(Positioning::default),
         }
     }
 
@@ -291,6 +295,9 @@ impl AxisWatches {
         violations: &mut Kept<Violation>,
     ) {
         let at = self.coordinate;
+        if let Some(positioning) = &mut self.positioning {
+            positioning.observe(&row.axes[at], row.cycle, Place { time, line });
+        }
         if row.axes[at].by_itself {
             // It follows nothing that could be held against a limit.
             return;

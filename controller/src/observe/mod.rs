@@ -37,6 +37,7 @@ pub mod loops;
 pub(crate) mod mapping;
 pub mod operations;
 pub mod places;
+mod positioning;
 pub mod provenance;
 pub mod record;
 pub mod sampled;

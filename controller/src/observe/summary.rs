@@ -4,6 +4,7 @@ use super::limits::AxisWatches;
 use super::loops::LoopSummary;
 use super::operations::{Operation, ToolTime};
 use super::places::{SlowestPlace, WorstPlace};
+use super::positioning::Positioning;
 use super::provenance::Provenance;
 use super::record::{Place, Violation};
 use super::switched::SwitchedState;
@@ -270,6 +271,26 @@ pub struct AxisSummary {
     pub max_following_error_at: Place,
     /// Root mean square of the following error, mm.
     pub rms_following_error_mm: f64,
+    /// Its moves, if it goes point to point and made one. Its following error is that at rest then.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub positioning: Option<PositioningSummary>,
+}
+
+/// The moves of an axis that goes point to point.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct PositioningSummary {
+    /// How many came to their target.
+    pub moves: u64,
+    /// The longest, from where it set off until it was seen to rest at its target, s.
+    pub longest_s: f64,
+    /// Where that ended.
+    pub longest_at: Place,
+    /// Greatest distance from the target where it rested, mm.
+    pub max_error_mm: f64,
+    /// Where that was.
+    pub max_error_at: Place,
+    /// Where it came to rest last, mm.
+    pub position_mm: f64,
 }
 
 /// What a simulated drive was asked for, once a cycle.
@@ -377,6 +398,9 @@ impl fmt::Display for Summary {
                 axis.max_following_error_at,
                 unit = axis.unit
             )?;
+            if let Some(moves) = &axis.positioning {
+                writeln!(f, "{:<18} {}", "", moves.told(axis.unit))?;
+            }
         }
         for drive in &self.drives {
             writeln!(f, "drive {:<12} {drive}", drive.name)?;
@@ -526,6 +550,22 @@ impl fmt::Display for Stopped {
     }
 }
 
+impl PositioningSummary {
+    /// As a person reads it, of an axis with that unit.
+    fn told(&self, unit: &str) -> String {
+        format!(
+            "{} moves point to point, the longest {:.3} s in {}; at rest within {:.4} {unit} of the target, greatest in {}; \
+             the last one to {:.4} {unit}",
+            self.moves,
+            self.longest_s,
+            self.longest_at,
+            self.max_error_mm,
+            self.max_error_at,
+            self.position_mm
+        )
+    }
+}
+
 impl AxisSummary {
     /// What was seen of an axis.
     pub(super) fn new(axis: &AxisWatches) -> Self {
@@ -544,6 +584,7 @@ impl AxisSummary {
             max_following_error_mm: max_following,
             max_following_error_at: axis.following_at(),
             rms_following_error_mm: rms_following,
+            positioning: (axis.positioning.as_ref()).and_then(Positioning::summary),
         }
     }
 }

@@ -262,6 +262,11 @@ texts! {
     "axis Z: its encoder is -0.3500 mm from where its drive says that it is, allowed 0.2 mm: look \
      for a coupling or belt that slips or is broken and for lost steps, then check the `zero` of both";
 
+    Fault::Axis(_, AxisCause::ReferenceMoved { .. }),
+    Fault::Axis(2, AxisCause::ReferenceMoved { difference: 0.2 }),
+    "axis Z: homed again, it was 0.2000 mm beside where it believed to be, allowed 0 mm: look for lost steps and for a \
+     coupling or belt that has slipped, check what was made since, and home it again";
+
     Fault::Bus(_, BusCause::LateSetpoints { .. }),
     Fault::Bus(0, BusCause::LateSetpoints { count: 2 }),
     "bus portal: setpoints missed their SYNC 2 times: this host or bus does not hold the cycle; look \

@@ -55,6 +55,11 @@ pub trait Drive: Feedback {
         None
     }
 
+    /// The flattest ramp of that profile that it takes, increments/s²; what is less is gone with this.
+    fn least_ramp(&self) -> f64 {
+        0.0
+    }
+
     /// Whether it has still to acknowledge the target that it was sent last, or that it is ready for the next one; of a
     /// drive whose axis goes [point to point](super::Settings::point_to_point). One that acknowledges the setpoints of every
     /// cycle and did not take them says so by [`DriveStatus::mode_runs`].

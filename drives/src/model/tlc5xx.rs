@@ -365,6 +365,10 @@ impl Drive for Tlc5xx {
         ])
     }
 
+    fn least_ramp(&self) -> f64 {
+        f64::from(LEAST_RAMP) / 60.0 * f64::from(INCREMENTS)
+    }
+
     fn owes_acknowledgement(&self) -> bool {
         self.targets.as_ref().is_some_and(Targets::waits)
     }

@@ -278,6 +278,10 @@ impl Drive for Tsp10 {
         ])
     }
 
+    fn least_ramp(&self) -> f64 {
+        LEAST_RAMP
+    }
+
     fn owes_acknowledgement(&self) -> bool {
         self.targets.as_ref().is_some_and(Targets::waits)
     }

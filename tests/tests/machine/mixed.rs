@@ -132,3 +132,33 @@ fn a_latency_that_is_not_compensated_shows_on_circles() {
         assert!((without - expected).abs() < 0.02, "{without}, {expected}");
     }
 }
+
+/// What an axis that goes point to point did is told: how often, how long, how near to its targets, and where it is.
+#[test]
+fn the_moves_of_the_feeder_are_told() {
+    let program = "G21 G90 G94 G61\nG0 U100\nG0 X200\nG0 U60\nG1 U80 F6000\nM2\n";
+    let result = validate(&[], Some(program));
+    assert_eq!(result["verdict"], "pass", "{result:#}");
+    let axes = result["axes"].as_array().expect("a list");
+    let of = |name: &str| axes.iter().find(|it| it["name"] == name).expect("its axis");
+    assert_eq!(of("X").get("positioning"), None);
+    let moves = &of("U")["positioning"];
+    let number = |key: &str| moves.pointer(key).and_then(Value::as_f64).expect(key);
+    assert_eq!(number("/moves"), 3.0, "{moves:#}");
+    // The `standstill_window` of the axis, and less than a tenth of a millimetre.
+    let (error, last) = (number("/max_error_mm"), number("/position_mm"));
+    assert!(
+        error <= 0.1 && (last - 80.0).abs() <= error + 1e-9,
+        "{moves:#}"
+    );
+    // G1 over 20 mm at 100 mm/s takes more than 0.2 s; the longest one is that of line 2 or 4.
+    let (longest, line) = (number("/longest_s"), number("/longest_at/line"));
+    assert!(
+        longest > 0.2 && longest < 10.0 && [2.0, 4.0, 5.0].contains(&line),
+        "{moves:#}"
+    );
+    assert!(
+        [2.0, 4.0, 5.0].contains(&number("/max_error_at/line")),
+        "{moves:#}"
+    );
+}

@@ -1,6 +1,7 @@
 //! Axes that go point to point beside the portal: U and V on two TLC53x, W on a TSP10-CBE.
 
 use super::day::{go, settle, state};
+use super::homing::home;
 use super::velocity;
 use proptest::prelude::*;
 use syncline_canopen::{CanId, CobId};
@@ -897,5 +898,79 @@ proptest! {
         for axis in [U, V, W] {
             prop_assert!((ends(&rig, axis) - 5.0).abs() <= WINDOW);
         }
+    }
+}
+
+// --- lost steps, and no encoder ---
+
+/// W among the drives.
+const W_DRIVE: usize = 6;
+
+/// W, homed, is blocked on its way and loses steps; nobody sees it, and it goes to where the mark of its place is. How far
+/// it is off then, mm.
+fn loses_steps(rig: &mut Rig) -> f64 {
+    settle(rig);
+    go(rig, home(AxisLetter::W));
+    assert_eq!(state(rig), State::Ready, "{:?}", rig.events);
+    let mark = rig.twin(W_DRIVE).observe().position;
+    rig.command(Command::Mdi("G90 G0 W5".to_owned()));
+    rig.run_until(|rig| rig.twin(W_DRIVE).observe().position > mark + 0.05);
+    rig.twin(W_DRIVE).disturb(Disturbance::Block(true));
+    for _ in 0..20 {
+        rig.step();
+    }
+    rig.twin(W_DRIVE).disturb(Disturbance::Block(false));
+    settle(rig);
+    assert_eq!(state(rig), State::Ready, "{:?}", rig.events);
+    assert!((ends(rig, W) - 5.0).abs() <= WINDOW);
+    let lost = 5.0 - 10.0 * (rig.twin(W_DRIVE).observe().position - mark);
+    assert!(lost > 0.15, "{lost}");
+    go(rig, Command::Mdi(format!("G90 G0 W{lost:.4}")));
+    let at = rig.twin(W_DRIVE).observe().position;
+    assert!((at - mark).abs() < 2e-3, "{at}, {mark}");
+    lost
+}
+
+/// Where it is homed again it is told how far it was from where it believed to be; beyond `reference_limit` that is a fault, and
+/// it is homed once more.
+#[test]
+fn lost_steps_are_told_where_it_is_homed_again() {
+    let homing = "kind = \"set_here\"\n\n[homing]";
+    for (limit, is_fault) in [(None, false), (Some(0.1), true), (Some(20.0), false)] {
+        let key = limit.map_or(String::new(), |mm| format!("reference_limit = {mm}\n"));
+        let limited = format!("kind = \"set_here\"\n{key}\n[homing]");
+        let changes = [&CHANGES[..], &[(homing, &*limited)]].concat();
+        let mut rig = Rig::staying_on("portal", &changes, |_, _| ());
+        let lost = loses_steps(&mut rig);
+        let told = |rig: &Rig| {
+            let events = rig.events.iter().rev();
+            let mut found = events.filter_map(|event| match event {
+                Event::Referenced { moved, .. } => Some(*moved),
+                _ => None,
+            });
+            found.next().flatten()
+        };
+        assert_eq!(told(&rig), None);
+        go(&mut rig, home(AxisLetter::W));
+        if is_fault {
+            assert_eq!(state(&rig), State::Faulted, "{:?}", rig.events);
+            let faults = rig.controller().faults().to_vec();
+            let [Fault::Axis(_, AxisCause::ReferenceMoved { difference })] = faults[..] else {
+                panic!("{faults:?}");
+            };
+            assert!((difference - lost).abs() < 0.01, "{difference}, {lost}");
+            go(&mut rig, Command::Reset);
+            go(&mut rig, Command::Enable);
+            go(&mut rig, home(AxisLetter::W));
+            assert_eq!(told(&rig), None);
+        } else {
+            let moved = told(&rig).expect("it was homed before");
+            assert!((moved - lost).abs() < 0.01, "{moved}, {lost}");
+        }
+        assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+        // Its place is known again, and it is not told anew.
+        go(&mut rig, home(AxisLetter::W));
+        let moved = told(&rig).expect("it was homed before");
+        assert!(moved.abs() < 0.01, "{moved}");
     }
 }

@@ -79,7 +79,9 @@ fn row(fault: &Fault) -> (Subject, Row) {
             let row = match cause {
                 AxisCause::Skew { .. } => ("skew", QuickStopAll),
                 AxisCause::SetpointGuard { .. } => ("a setpoint beyond limits", QuickStopAll),
-                AxisCause::FeedbackDifference { .. } => ("an encoder that disagrees", OnPath),
+                AxisCause::FeedbackDifference { .. } | AxisCause::ReferenceMoved { .. } => {
+                    ("an encoder that disagrees", OnPath)
+                }
                 AxisCause::Jump { .. } => ("a jump", QuickStopAxis),
                 AxisCause::LimitSwitch { .. } => ("a limit switch", QuickStopAxis),
                 AxisCause::OutsideSoftLimits { .. } | AxisCause::Standstill { .. } => {

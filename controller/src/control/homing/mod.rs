@@ -613,12 +613,13 @@ impl<const N: usize> Controller<N> {
         }
         self.homing.stage = Stage::Squaring;
         let mut position = self.planned.position;
+        let mut outcome = Ok(());
         for index in 0..self.axes.len() {
             if !has(self.homing.group, index) {
                 continue;
             }
             let axis = &mut self.axes[index];
-            let uncertainty = match &self.layout.axes[index].homing.method {
+            let found = match &self.layout.axes[index].homing.method {
                 HomingMethod::Encoder => {
                     axis.trust();
                     None
@@ -644,16 +645,30 @@ impl<const N: usize> Controller<N> {
                 position[axis.coordinate()] = axis.reseat(&self.nodes);
             }
             let apart = axis.square(self.cycle + 1);
+            let moved = found.and_then(|(_, moved)| moved);
+            if let Some(difference) = moved
+                && of
+                    .homing
+                    .reference_limit
+                    .is_some_and(|most| difference.abs() > most)
+            {
+                // What it believed is wrong, and so may be what it takes for its reference now.
+                axis.forget_reference();
+                let fault = Fault::Axis(index, AxisCause::ReferenceMoved { difference });
+                outcome = outcome.and(Err(fault));
+                continue;
+            }
             self.tell(Event::Referenced {
                 axis: index,
-                uncertainty,
+                uncertainty: found.map(|(uncertainty, _)| uncertainty),
                 apart,
+                moved,
             });
         }
         self.planned.position = position;
         self.rest_here();
         self.keep_references();
-        Ok(())
+        outcome
     }
 
     /// The sides of gantries go where they belong, before the axes leave.
