@@ -444,6 +444,15 @@ impl Case {
         }
     }
 
+    /// How far its plan goes on beyond the stop at most, as `check` holds its machine file to it, mm.
+    fn lags(&self, rig: &Rig) -> f64 {
+        let limits = &rig.machine.axes[1].limits;
+        let seen = self.speed * f64::from(self.contact) * 1e-3;
+        let stands = seen.max(4.0 * limits.standstill);
+        let reaction = 4.0 * rig.machine.cycle.as_secs_f64() + 0.02;
+        stands + self.speed * reaction + limits.stopping_distance(self.speed) + 0.02
+    }
+
     /// By how much transmission and guide let the motor go on at the stop, mm.
     fn yields(&self) -> f64 {
         let of = |name: &str| self.simulation.contains(name);
@@ -467,6 +476,11 @@ fn judge(case: &Case) -> Result<(), TestCaseError> {
     homed(&mut rig, case);
     prop_assert!(is_as_before(&rig));
     prop_assert!(rig.ends_at_rest());
+    let lagged = rig.rows[began..]
+        .iter()
+        .map(|row| row.axes[y].following_error.abs());
+    let (lagged, most) = (lagged.fold(0.0, f64::max), case.lags(&rig));
+    prop_assert!(lagged < most, "{} > {}", lagged, most);
     let came = match failure(&rig) {
         Some(why) => Err(why),
         None => Ok(()),

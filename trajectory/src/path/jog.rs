@@ -266,8 +266,9 @@ impl Motion {
 }
 
 impl<const N: usize> Jogging<N> {
-    /// Has axes that rest keep other travels and limits from now on, as those of a search differ from those of the move
-    /// before it. What moves keeps those with which its plan ends at rest.
+    /// Has axes keep other travels and limits from now on, as those of a search differ from those of the move before it.
+    /// What moves keeps the travel inside which its plan ends at rest; limits it takes that are no less than its own, as with
+    /// those it comes to rest sooner.
     pub(super) fn allow(&mut self, travel: &[Option<Travel>; N]) {
         if self
             .line
@@ -279,6 +280,10 @@ impl<const N: usize> Jogging<N> {
             if motion.is_at_rest(self.clock) {
                 let here = motion.at(self.clock).state.p;
                 self.travel[i] = travel[i].map(|it| it.with(self.home[i]).with(here));
+            } else if let (Some(own), Some(wider)) = (&mut self.travel[i], &travel[i])
+                && wider.limits.intersection(&own.limits) == own.limits
+            {
+                own.limits = wider.limits;
             }
         }
     }

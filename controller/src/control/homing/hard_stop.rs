@@ -101,6 +101,11 @@ impl HardStop {
         matches!(self.step, Step::Begin | Step::Backed)
     }
 
+    /// Whether it stands against something.
+    pub(super) fn presses(&self) -> bool {
+        self.step == Step::Press
+    }
+
     /// Cycles that it has taken so far, without those that it waited for others.
     pub(super) fn worked(&self) -> u64 {
         self.worked

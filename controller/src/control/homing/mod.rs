@@ -551,7 +551,7 @@ impl<const N: usize> Controller<N> {
                 speed,
             },
         };
-        let travel = self.homing_travel(motion);
+        let travel = self.homing_travel();
         if !self.executor.is_off_path() {
             // There is no path to leave: it is held where it stands.
             self.executor.feed_hold();
@@ -562,7 +562,7 @@ impl<const N: usize> Controller<N> {
 
     /// How far the axes of the group may go: while they search inside the distance that the machine file
     /// allows, from where the search began; then inside their soft limits.
-    fn homing_travel(&self, motion: Motion) -> [Option<Travel>; N] {
+    fn homing_travel(&self) -> [Option<Travel>; N] {
         let mut travel = [None; N];
         for (index, axis) in self.layout.axes.iter().enumerate() {
             if !has(self.homing.group, index) {
@@ -584,8 +584,8 @@ impl<const N: usize> Controller<N> {
                     around(how.max_distance)
                 }
                 HomingMethod::HardStop(how) if self.homing.stage == Stage::Searching => {
-                    // Where it is to rest at once it stands against something.
-                    if motion != Motion::Stop {
+                    // As it presses, whatever another axis is ordered meanwhile, its plan is to rest at once.
+                    if !self.homing.hard_stops[index].presses() {
                         [acceleration, jerk] = how.ramps;
                     }
                     around(how.max_distance)

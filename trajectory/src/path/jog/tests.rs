@@ -29,7 +29,8 @@ const STOP: u32 = 250;
 
 #[derive(Debug, Clone, Copy)]
 enum Act {
-    Order(Jog<N>),
+    /// With such a part of the machine's velocity, acceleration and jerk.
+    Order(Jog<N>, f64),
     Hold,
     GoHome,
     Rapid(f64),
@@ -58,8 +59,9 @@ fn act() -> impl Strategy<Value = Act> {
         2 => places().prop_map(Jog::To),
         2 => (places(), speed()).prop_map(|(to, speed)| Jog::Line { to, speed }),
     ];
+    let part = prop_oneof![3 => Just(1.0), 1 => 0.1..1.0_f64];
     prop_oneof![
-        8 => order.prop_map(Act::Order),
+        8 => (order, part).prop_map(|(jog, part)| Act::Order(jog, part)),
         1 => Just(Act::Hold),
         1 => Just(Act::GoHome),
         2 => prop_oneof![Just(0.0), Just(1.0), 0.05..1.0_f64].prop_map(Act::Rapid),
@@ -137,9 +139,20 @@ proptest! {
         let mut rapid = 1.0;
         for (wait, act) in acts {
             match act {
-                Act::Order(jog) => {
-                    let taken = axes.order(jog, rapid);
+                Act::Order(jog, part) => {
+                    // As the executor does it: what is refused changes nothing.
+                    let mut ordered = axes;
+                    ordered.allow(&machine().map(|travel| {
+                        travel.map(|Travel { limits, bounds }| Travel {
+                            limits: limits.projected(1.0 / part),
+                            bounds,
+                        })
+                    }));
+                    let taken = ordered.order(jog, rapid);
                     prop_assert!(taken.is_ok() || rapid == 0.0, "{taken:?}");
+                    if taken.is_ok() {
+                        axes = ordered;
+                    }
                 }
                 Act::Hold => axes.hold(),
                 Act::GoHome => axes.go_home(None),
