@@ -179,6 +179,10 @@ impl<const N: usize> Controller<N> {
             }
             InputMeaning::FeedHold | InputMeaning::Door if self.phase == Phase::Square => {
                 self.stop_squaring();
+                // What is to begin then waits for an operator.
+                if self.job.is_some() {
+                    self.executor.feed_hold();
+                }
             }
             InputMeaning::FeedHold if state == State::Homing => {
                 self.interrupt_homing(HomingFailure::FeedHold);

@@ -4,7 +4,8 @@
 use super::homing::{ALL, apart, go, home, is_referenced, settle, state};
 use proptest::prelude::*;
 use syncline_canopen::Instant;
-use syncline_controller::control::{End, Event, Phase, State};
+use syncline_controller::control::fault::AxisCause;
+use syncline_controller::control::{End, Event, Fault, HomingFailure, Phase, State};
 use syncline_controller::session::Command;
 use syncline_drives::twin::{Config, Disturbance, ErrorClass};
 use syncline_gcode::AxisLetter;
@@ -139,19 +140,19 @@ enum Interruption {
     Hold,
     EnableLost,
     /// Of a drive that has no part in it, and of one that has.
-    Fault(usize),
+    DriveFault(usize),
     SwitchOff,
 }
 
 fn interruption() -> impl Strategy<Value = Interruption> {
-    use Interruption::{Disable, Door, EnableLost, Fault, Hold, Stop, SwitchOff};
+    use Interruption::{Disable, Door, DriveFault, EnableLost, Hold, Stop, SwitchOff};
     prop_oneof![
         Just(Stop),
         Just(Disable),
         Just(Door),
         Just(Hold),
         Just(EnableLost),
-        prop_oneof![Just(Y), Just(X2)].prop_map(Fault),
+        prop_oneof![Just(Y), Just(X2)].prop_map(DriveFault),
         Just(SwitchOff),
     ]
 }
@@ -164,7 +165,7 @@ fn interrupt(rig: &mut Rig, by: Interruption) {
         Interruption::Door => set(rig, DOOR, true),
         Interruption::Hold => set(rig, HOLD, true),
         Interruption::EnableLost => set(rig, ENABLE, false),
-        Interruption::Fault(drive) => {
+        Interruption::DriveFault(drive) => {
             let fault = Disturbance::Fault(ErrorClass::StopAndSwitchOff);
             rig.twin(drive).disturb(fault);
         }
@@ -217,7 +218,7 @@ proptest! {
             interrupt(&mut rig, by);
             settle(&mut rig);
             let sides = setpoints(&rig, began);
-            let brakes = matches!(by, Interruption::EnableLost | Interruption::Fault(X2));
+            let brakes = matches!(by, Interruption::EnableLost | Interruption::DriveFault(X2));
             if !brakes {
                 assert_gentle(&sides, LIMITS);
             }
@@ -231,7 +232,7 @@ proptest! {
                 Interruption::Door | Interruption::Hold => prop_assert_eq!(state(&rig), State::Ready),
                 Interruption::Stop if was == State::Ready => prop_assert_eq!(state(&rig), State::Ready),
                 Interruption::Stop | Interruption::Disable => prop_assert_eq!(state(&rig), State::Disabled),
-                Interruption::EnableLost | Interruption::Fault(_) => prop_assert_eq!(state(&rig), State::Faulted),
+                Interruption::EnableLost | Interruption::DriveFault(_) => prop_assert_eq!(state(&rig), State::Faulted),
             }
             bring_back(&mut rig, by);
         } else {
@@ -254,8 +255,8 @@ proptest! {
 /// In its midst what interrupts it has its sides rest at once, by their own limits, and count from where they rest.
 #[test]
 fn what_interrupts_it_comes_at_once() {
-    use Interruption::{Disable, Door, Fault, Hold, Stop, SwitchOff};
-    for by in [Stop, Disable, SwitchOff, Fault(Y), Door, Hold] {
+    use Interruption::{Disable, Door, DriveFault, Hold, Stop, SwitchOff};
+    for by in [Stop, Disable, SwitchOff, DriveFault(Y), Door, Hold] {
         let mut rig = switched_on(0.45);
         rig.run_to(Phase::Square);
         // Later it would take as long to rest as to get square.
@@ -356,4 +357,52 @@ fn a_reset_leaves_a_gantry_as_it_is() {
     go(&mut rig, Command::Enable);
     let left = apart(&mut rig);
     assert!(left.abs() < 0.002, "{left}");
+}
+
+/// Where the feed hold comes on while a gantry is taken square, the program that is to begin then waits for an operator.
+#[test]
+fn a_run_that_is_held_as_its_gantry_is_taken_square_begins_held() {
+    let wired = [("[machine]\n", WIRED)];
+    let mut rig = Rig::new("portal", &wired, "G0 X400\nM2\n", skewed(0.4));
+    set(&mut rig, ENABLE, true);
+    rig.run_to(Phase::Square);
+    for _ in 0..16 {
+        rig.step();
+    }
+    set(&mut rig, HOLD, true);
+    rig.run_to(Phase::Program);
+    let before = rig.rows.last().unwrap().plan.position;
+    for _ in 0..1000 {
+        rig.step();
+    }
+    assert_eq!(rig.rows.last().unwrap().plan.position, before);
+    assert_eq!(state(&rig), State::Held);
+    rig.command(Command::Resume);
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+}
+
+/// A homing that is to come before the program does not wait as that does: it is not begun.
+#[test]
+fn a_run_that_is_held_as_its_gantry_is_taken_square_homes_nothing() {
+    let at_start = format!("[homing]\nat_start = true\n{WIRED}");
+    let homing = "[axis.homing]\nkind = \"hard_stop\"\ndirection = \"negative\"\nweight = \"none\"\ntorque = 30.0\nspeed = 5.0\n\
+                  back_off = 5.0\nmax_distance = 100.0\nposition = 0.0\n\n[[axis]]\nname = \"Z\"";
+    let absolute = "max_jerk = 100_000.0\nsoft_limits = [0.0, 1000.0]\nfollowing_error_limit = 2.0\n\
+                    standstill_window = 0.05\ndrive_following_error = true\ndrive_soft_limits = true\n";
+    let unreferenced = absolute.replace("drive_soft_limits = true\n", "");
+    let changes = [
+        ("[machine]\n", &*at_start),
+        (absolute, &*unreferenced),
+        ("[[axis]]\nname = \"Z\"", homing),
+    ];
+    let mut rig = Rig::new("portal", &changes, "G0 X400\nM2\n", skewed(0.4));
+    set(&mut rig, ENABLE, true);
+    rig.run_to(Phase::Square);
+    for _ in 0..16 {
+        rig.step();
+    }
+    set(&mut rig, HOLD, true);
+    let fault = rig.finish_with_fault();
+    let failure = AxisCause::Homing(HomingFailure::FeedHold);
+    assert_eq!(fault, Fault::Axis(1, failure));
 }

@@ -194,12 +194,12 @@ impl<const N: usize> Controller<N> {
             if let Some(axis) = missing.clone().find(by_hand) {
                 return Err(Fault::Axis(axis, AxisCause::Unreferenced));
             }
-            if let Some(axis) = missing
-                .clone()
-                .next()
-                .filter(|_| self.open_door().is_some())
-            {
-                let failure = HomingFailure::DoorOpen;
+            let forbids = match self.open_door() {
+                Some(_) => Some(HomingFailure::DoorOpen),
+                // It came on before.
+                None => Some(HomingFailure::FeedHold).filter(|_| self.executor.is_held()),
+            };
+            if let Some((axis, failure)) = missing.clone().next().zip(forbids) {
                 self.tell(Event::HomingFailed { axis, failure });
                 return Err(Fault::Axis(axis, AxisCause::Homing(failure)));
             }
