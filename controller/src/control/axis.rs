@@ -39,6 +39,8 @@ struct Side {
     guard: SetpointGuard,
     /// Its last actual position, and how many cycles ago that was.
     seen: Option<(Increments, u32)>,
+    /// Where it was as its drive told that it is enabled, until its setpoint is frozen.
+    enabled: Option<Increments>,
 }
 
 /// An axis in the cycle.
@@ -95,6 +97,7 @@ impl AxisControl {
             next: Setpoint::default(),
             guard: SetpointGuard::new(&spec.limits, &layout.devices[drive].scaling, layout.cycle),
             seen: None,
+            enabled: None,
         };
         Self {
             index,
@@ -440,7 +443,7 @@ impl AxisControl {
     pub(super) fn forget_motion(&mut self) {
         for side in &mut self.sides {
             side.guard.forget();
-            side.seen = None;
+            (side.seen, side.enabled) = (None, None);
         }
     }
 
@@ -661,6 +664,27 @@ impl AxisControl {
             }
         }
         outcome
+    }
+
+    /// Looks at its drives from when they are told to be enabled until their setpoints are frozen: one that is stays where it
+    /// was then, as near as an axis has to be at rest.
+    pub(super) fn check_enabled(&mut self, nodes: &[DeviceNode]) -> Result<(), Fault> {
+        self.check_jumps(nodes)?;
+        let allowed = self.spec.limits.following_error_at(0.0);
+        for (side, &drive) in self.sides.iter_mut().zip(&self.spec.drives) {
+            let node = &nodes[drive];
+            if !node.has_reached(AwaitedState::Enabled) {
+                side.enabled = None;
+                continue;
+            }
+            let enabled = *side.enabled.get_or_insert(node.actual());
+            let error = node.scaling().to_mm(enabled) - node.scaling().to_mm(node.actual());
+            if error.abs() > allowed {
+                let cause = AxisCause::FollowingError { error, allowed };
+                return Err(Fault::Axis(self.index, cause));
+            }
+        }
+        Ok(())
     }
 
     /// Whether the axis has arrived where the plan is at rest.

@@ -232,6 +232,7 @@ impl<const N: usize> Controller<N> {
             }
             Phase::OperationEnabled => {
                 self.ask(DeviceNode::forget_standstill);
+                self.axes.iter_mut().for_each(AxisControl::forget_motion);
                 self.set_power(PowerCommand::Enable);
             }
             Phase::ModeEnd => self.ask(DeviceNode::end_mode),

@@ -66,6 +66,9 @@ impl<const N: usize> Controller<N> {
         if axis.is_quick_stopped(nodes) {
             return Ok(());
         }
+        if phase == Phase::OperationEnabled {
+            return axis.check_enabled(nodes);
+        }
         if phase == Phase::ModeStart {
             axis.check_standstill(&axis.sample(self.cycle, nodes))?;
             return axis.check_feedback(nodes);

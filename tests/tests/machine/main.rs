@@ -18,6 +18,7 @@ mod described;
 mod described_encoder;
 mod driven_spindle;
 mod dual_loop;
+mod enabling;
 mod faults;
 mod feed_axes;
 mod feed_per_turn;
