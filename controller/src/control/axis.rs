@@ -25,6 +25,10 @@ const RECENT: u64 = 16;
 /// So many times its greatest velocity no axis moves, also not while it catches up.
 const JUMP: f64 = 1.5;
 
+/// A T_PDO of each side of a gantry may be missing, one behind the other, without their being compared in between; then
+/// they are where no more SYNCs are between them.
+const BY_TURNS: u32 = 2;
+
 /// Which way a side goes as the sides come apart.
 const OUTWARDS: [f64; 2] = [-0.5, 0.5];
 
@@ -70,6 +74,8 @@ pub(super) struct AxisControl {
     squaring: Option<Squaring>,
     /// For so many cycles one of its sides has been enabled, and the other has not.
     half_enabled: u32,
+    /// For so many cycles its sides have not been seen at one SYNC.
+    apart_seen: u32,
     /// Of a cycle, s.
     period: f64,
 }
@@ -113,6 +119,7 @@ impl AxisControl {
             lag: layout.lag,
             squaring: None,
             half_enabled: 0,
+            apart_seen: 0,
             period: layout.cycle.as_secs_f64(),
         }
     }
@@ -740,7 +747,7 @@ impl AxisControl {
 
     /// Checks a sample while the setpoint moves.
     pub(super) fn check_motion(
-        &self,
+        &mut self,
         cycle: u64,
         sample: &AxisSample,
         nodes: &[DeviceNode],
@@ -759,13 +766,32 @@ impl AxisControl {
                 return Err(Fault::Axis(axis, cause));
             }
         }
-        if let [one, other] = self.spec.drives[..] {
-            let (one, other) = (&nodes[one], &nodes[other]);
-            let difference = (other.actual_mm() - one.actual_mm() - sample.apart).abs();
-            // Positions of different SYNCs say nothing about each other.
-            if one.age() == other.age() && self.skewed(difference) {
-                return Err(Fault::Axis(axis, AxisCause::Skew { difference }));
-            }
+        self.check_skew(cycle, sample.apart, nodes)
+    }
+
+    /// Checks how far the sides of a gantry are from where they are planned to be against each other. Positions of
+    /// different SYNCs are compared by how far the axis was planned to go from one to the other. That is off by what its lag
+    /// changes meanwhile, and counts where they are near to each other and have not come to one SYNC for longer.
+    fn check_skew(&mut self, cycle: u64, apart: f64, nodes: &[DeviceNode]) -> Result<(), Fault> {
+        let [one, other] = self.spec.drives[..] else {
+            return Ok(());
+        };
+        let (one, other) = (&nodes[one], &nodes[other]);
+        self.apart_seen = match one.age() == other.age() {
+            true => 0,
+            false => self.apart_seen.saturating_add(1),
+        };
+        let planned = |node: &DeviceNode| {
+            let age = f64::from(node.age());
+            self.history.planned(cycle, self.lag + age).position
+        };
+        let went = planned(other) - planned(one);
+        let difference = (other.actual_mm() - one.actual_mm() - apart - went).abs();
+        let by_turns = self.apart_seen > BY_TURNS && one.age().abs_diff(other.age()) <= BY_TURNS;
+        let counts = self.apart_seen == 0 || by_turns;
+        if counts && self.skewed(difference) {
+            let axis = self.index;
+            return Err(Fault::Axis(axis, AxisCause::Skew { difference }));
         }
         Ok(())
     }

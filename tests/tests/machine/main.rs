@@ -7,6 +7,7 @@ mod beam;
 mod began_anew;
 mod bounds;
 mod bring_up;
+mod by_turns;
 mod captured_edges;
 mod causes;
 mod cia402_csp;
