@@ -73,9 +73,9 @@ pub(super) struct DeviceNode {
     told_power: Option<PowerState>,
     /// What is wanted of its power stage; [`Self::power_command`] is what it is told.
     pub(super) power: PowerCommand,
-    /// It was told to come to rest by itself: until it is brought up anew it follows no setpoints, and is only
-    /// switched off.
-    quick_stopped: bool,
+    /// For so many cycles it has been told to come to rest by itself: until it is brought up anew it follows no setpoints, and
+    /// is only switched off.
+    quick_stopped: Option<u64>,
     /// It homes by itself, or has not come back from there to the mode in which it follows setpoints.
     homes: bool,
     /// Cycles in a row that it was told to halt on its way home, and moved.
@@ -126,7 +126,7 @@ impl DeviceNode {
             still_at: Increments::ZERO,
             told_power: None,
             power: PowerCommand::Disable,
-            quick_stopped: false,
+            quick_stopped: None,
             homes: false,
             unhalted: 0,
             torque: Torque::Own,
@@ -381,7 +381,7 @@ impl DeviceNode {
         self.age = self.device.spec().answers_sync.into();
         self.misses = 0;
         self.still = 0;
-        (self.quick_stopped, self.homes) = (false, false);
+        (self.quick_stopped, self.homes) = (None, false);
         self.told_power = None;
         self.power = PowerCommand::Disable;
     }
@@ -513,16 +513,19 @@ impl DeviceNode {
     fn power_command(&self) -> PowerCommand {
         let quick_stops = self.status.power == PowerState::QuickStop;
         match self.power {
-            PowerCommand::Prepare if self.quick_stopped || quick_stops => PowerCommand::Disable,
+            PowerCommand::Prepare if self.is_quick_stopped() || quick_stops => {
+                PowerCommand::Disable
+            }
             PowerCommand::Disable | PowerCommand::Prepare => self.power,
-            _ if self.quick_stopped => PowerCommand::QuickStop,
+            _ if self.is_quick_stopped() => PowerCommand::QuickStop,
             power => power,
         }
     }
 
     /// Has it come to rest by itself.
     pub(super) fn quick_stop(&mut self) {
-        if !std::mem::replace(&mut self.quick_stopped, true) {
+        if !self.is_quick_stopped() {
+            self.quick_stopped = Some(0);
             self.forget_standstill();
             self.power = PowerCommand::QuickStop;
         }
@@ -530,7 +533,12 @@ impl DeviceNode {
 
     /// Whether it was told to come to rest by itself, and follows no setpoints.
     pub(super) fn is_quick_stopped(&self) -> bool {
-        self.quick_stopped
+        self.quick_stopped.is_some()
+    }
+
+    /// Whether it was told so for as many cycles.
+    pub(super) fn has_braked_for(&self, cycles: u64) -> bool {
+        self.quick_stopped.is_some_and(|since| since >= cycles)
     }
 
     /// What the drive has to be sent to for its axis to be at `mm`, `offset` increments beside.

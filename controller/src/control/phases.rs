@@ -116,41 +116,26 @@ impl<const N: usize> Controller<N> {
         Ok(())
     }
 
-    /// Takes the power from drives that do not come to rest in a quick stop, whatever else is waited for: a spindle is given
-    /// the time of its ramp.
-    fn disable_what_goes_on(&mut self) {
-        let cycles = self.still_cycles();
-        let spindle = self.layout.spindle.as_ref().map(|it| it.drive);
-        for (drive, node) in self.nodes.iter_mut().enumerate() {
-            if node.is_quick_stopped() && node.still() < cycles && spindle != Some(drive) {
-                node.power = PowerCommand::Disable;
-            }
-        }
-    }
-
     /// On the way down, which goes on whatever fails.
     fn step_down(&mut self, out: &mut [Outbox]) {
         match self.phase {
             Phase::Stop => {
                 let settled = self.in_position >= self.still_cycles();
                 let waited = self.timed_out(self.layout.state_timeout);
-                if waited {
-                    self.disable_what_goes_on();
-                }
+                self.disable_what_goes_on();
                 let squares = self.axes.iter().any(|axis| axis.squares(self.cycle));
-                let stopped = waited || self.quick_stops_rest();
+                let stopped = self.quick_stops_rest();
                 // One that never rests is a fault in time, and quick-stopped by that.
                 let rests = self.path_rests() && !squares && stopped && self.goers_rest();
                 let over = rests && (settled || waited || self.is_faulty());
-                let over = over && (self.goal == Goal::Ready || self.spindle_rests());
-                if over && self.goal == Goal::Ready && !self.let_go_of_stops(settled) {
+                if !over || self.goal == Goal::Ready && !self.let_go_of_stops(settled) {
                     return;
                 }
                 // What is left of a target goes with the power.
-                if over && self.goal == Goal::Ready && !self.has_goers() {
+                if self.goal == Goal::Ready && !self.has_goers() {
                     self.rest_after(Outcome::Stopped);
                     self.enter(Phase::Program, out);
-                } else if over {
+                } else if self.spindle_rests() {
                     self.end_job(match self.end() {
                         Some(End::Finished) => Outcome::Finished,
                         _ => Outcome::Stopped,
@@ -160,11 +145,8 @@ impl<const N: usize> Controller<N> {
             }
             Phase::QuickStop => {
                 let seen = self.cycle >= self.phase_cycle + COMMAND_CYCLES;
-                let waited = self.timed_out(self.layout.state_timeout);
-                if waited {
-                    self.disable_what_goes_on();
-                }
-                if seen && (waited && self.spindle_rests() || self.quick_stops_rest()) {
+                self.disable_what_goes_on();
+                if seen && self.quick_stops_rest() {
                     self.end_job(Outcome::Stopped);
                     self.enter(Phase::Disable, out);
                 }

@@ -9,7 +9,7 @@ use super::axis::AxisSample;
 use super::fault::AxisCause;
 use super::{Controller, Event, Fault, Goal, MOST_FAULTS, Phase, Reaction, Row, event_sink};
 use syncline_canopen::Instant;
-use syncline_drives::model::PowerState;
+use syncline_drives::model::{PowerCommand, PowerState};
 
 impl<const N: usize> Controller<N> {
     /// Looks at drives and axes.
@@ -216,12 +216,35 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// Whether the drives that come to rest by themselves have.
+    /// Whether the drives that come to rest by themselves have, or have had the time for it.
     pub(super) fn quick_stops_rest(&self) -> bool {
         let cycles = self.still_cycles();
         self.nodes.iter().enumerate().all(|(drive, node)| {
             let rests = !node.status().power.may_be_on() || node.still() >= cycles;
-            !node.is_quick_stopped() || rests || !self.is_in_reach(drive)
+            let waited = node.has_braked_for(self.braking_cycles(drive));
+            !node.is_quick_stopped() || rests || waited || !self.is_in_reach(drive)
         })
+    }
+
+    /// So many cycles a drive is given to come to rest by itself: that of the spindle those of its ramp.
+    fn braking_cycles(&self, drive: usize) -> u64 {
+        let spindle = self.layout.spindle.as_ref();
+        let spindle = spindle.filter(|it| it.drive == drive && self.nodes[drive].is_fresh());
+        let least = self.layout.state_timeout;
+        self.cycles(spindle.map_or(least, |it| it.reversal.max(least)))
+    }
+
+    /// Takes the power from drives that have not come to rest by themselves in time, whatever else is waited for: a spindle is
+    /// given the time of its ramp.
+    pub(super) fn disable_what_goes_on(&mut self) {
+        let cycles = self.still_cycles();
+        let most = self.cycles(self.layout.state_timeout);
+        let spindle = self.layout.spindle.as_ref().map(|it| it.drive);
+        for (drive, node) in self.nodes.iter_mut().enumerate() {
+            let goes_on = node.has_braked_for(most) && node.still() < cycles;
+            if goes_on && spindle != Some(drive) {
+                node.power = PowerCommand::Disable;
+            }
+        }
     }
 }

@@ -11,6 +11,7 @@ mod by_turns;
 mod captured_edges;
 mod causes;
 mod cia402_csp;
+mod coming_to_rest;
 mod compare;
 mod consoles;
 mod corpus;

@@ -23,7 +23,7 @@ impl DeviceNode {
 
     /// Has it come to rest where it is.
     pub(in crate::control) fn halt_homing(&mut self) {
-        if self.homes && !self.quick_stopped {
+        if self.homes && !self.is_quick_stopped() {
             self.power = PowerCommand::Halt;
         }
     }

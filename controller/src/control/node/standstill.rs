@@ -14,9 +14,10 @@ impl DeviceNode {
         self.still
     }
 
-    /// Counts the cycles in which the drive has stood within its window, or has told no speed. A cycle in which it is not heard
-    /// says nothing, and one that is not heard any more may be anywhere.
+    /// Counts the cycles in which the drive has stood within its window, or has told no speed, and those in which it was to come
+    /// to rest by itself. A cycle in which it is not heard says nothing, and one that is not heard any more may be anywhere.
     pub(in crate::control) fn watch_standstill(&mut self) {
+        self.quick_stopped = self.quick_stopped.map(|cycles| cycles + 1);
         let window = self.standstill_window();
         let turns = self.told_speed.is_some_and(|speed| speed != 0.0);
         if self.age >= self.patience() {
