@@ -105,6 +105,7 @@ use limit_switches::LimitSwitches;
 use node::DeviceNode;
 use orientation::Orienter;
 use probing::Probing;
+use reaction::RULES;
 use sampled::AlongSamples;
 use setpoint_misses::SetpointMisses;
 use spindle::SpindleWatch;
@@ -132,8 +133,6 @@ const SIDES_ENABLE: u32 = 50;
 /// How long a path that could go on rests until a plan that does not come is a fault. A planner, and
 /// a program that computes before it moves, may take a while in real time; none takes so long.
 const NO_PLAN: Duration = Duration::from_secs(30);
-/// Faults that are kept until a reset; what comes beyond them has many causes before it.
-const MOST_FAULTS: usize = 32;
 /// Cycles that a command stands at least, so that its effect is seen in a T_PDO.
 const COMMAND_CYCLES: u64 = 3;
 
@@ -359,7 +358,7 @@ impl<const N: usize> Controller<N> {
             acted: false,
             goal: Goal::Ready,
             resets: false,
-            faults: Vec::with_capacity(MOST_FAULTS),
+            faults: Vec::with_capacity(most_faults(&layout)),
             stays_on: false,
             job: Some(Job::ONLY),
             over: None,
@@ -683,6 +682,18 @@ impl<const N: usize> Controller<N> {
     pub fn late_setpoints(&self) -> u64 {
         self.misses.iter().map(|bus| bus.count).sum()
     }
+}
+
+/// As many faults as there can be that do not repeat one another: for each cause one of each subject. So their list takes no
+/// memory in the cycle.
+fn most_faults(layout: &Layout) -> usize {
+    let subjects = [
+        layout.devices.len(),
+        layout.axes.len(),
+        layout.buses.len(),
+        layout.inputs.len(),
+    ];
+    (subjects.iter().sum::<usize>() + 1) * RULES.len()
 }
 
 fn event_sink(events: &mut VecDeque<Event>) -> impl FnMut(Event) {

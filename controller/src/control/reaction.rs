@@ -12,6 +12,7 @@
 use super::fault::{AxisCause, BlockCause, BusCause, DeviceCause, Fault, SpindleCause};
 use super::layout::Layout;
 use std::fmt;
+use std::mem::discriminant;
 
 /// What the machine does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -216,15 +217,15 @@ impl Fault {
         }
     }
 
-    /// Whether it says again what another one said: of the same drive, axis or bus, in the same row of
-    /// the table.
+    /// Whether it says again what another one said: of the same drive, axis, bus or input, or where there is but one of its
+    /// kind, in the same row of the table.
     pub(super) fn repeats(&self, other: &Self) -> bool {
         let same = match (self, other) {
             (Self::Device(one, _), Self::Device(other, _))
             | (Self::Axis(one, _), Self::Axis(other, _))
             | (Self::Bus(one, _), Self::Bus(other, _)) => one == other,
             (Self::NotEnabled { input: one }, Self::NotEnabled { input: other }) => one == other,
-            _ => true,
+            _ => discriminant(self) == discriminant(other),
         };
         same && self.cause() == other.cause()
     }
@@ -347,6 +348,7 @@ impl fmt::Display for Clearing {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::ProbeFailure;
 
     #[test]
     fn the_table_is_in_the_order_of_its_causes() {
@@ -354,5 +356,25 @@ mod tests {
             assert_eq!(rule.cause as usize, place, "{}", rule.cause);
         }
         assert_eq!(Cause::BringUp as usize + 1, RULES.len());
+    }
+
+    /// A drive that does not come up says nothing of an axis beside its place, nor a probing of the probe.
+    #[test]
+    fn a_fault_repeats_none_of_another_subject() {
+        let faults = [
+            Fault::Device(1, DeviceCause::NotAtRest),
+            Fault::Device(2, DeviceCause::NotAtRest),
+            Fault::Axis(1, AxisCause::Standstill { distance: 0.1 }),
+            Fault::Axis(2, AxisCause::OutsideSoftLimits { position: 0.1 }),
+            Fault::Bus(1, BusCause::ErrorPassive),
+            Fault::NotEnabled { input: 1 },
+            Fault::Block(1, BlockCause::Probing(ProbeFailure::NoContact)),
+            Fault::Touched,
+        ];
+        for (one, fault) in faults.iter().enumerate() {
+            for (other, known) in faults.iter().enumerate() {
+                assert_eq!(fault.repeats(known), one == other, "{fault:?} {known:?}");
+            }
+        }
     }
 }

@@ -7,7 +7,7 @@
 
 use super::axis::AxisSample;
 use super::fault::AxisCause;
-use super::{Controller, Event, Fault, Goal, MOST_FAULTS, Phase, Reaction, Row, event_sink};
+use super::{Controller, Event, Fault, Goal, Phase, Reaction, Row, event_sink};
 use syncline_canopen::Instant;
 use syncline_drives::model::{PowerCommand, PowerState};
 
@@ -153,8 +153,7 @@ impl<const N: usize> Controller<N> {
     /// Records a fault and does what the table says: the first one has the machine go down, those that
     /// follow may still make a quick stop of it.
     pub(super) fn fail(&mut self, fault: Fault) {
-        let is_known = self.faults.iter().any(|known| fault.repeats(known));
-        if is_known || self.faults.len() == MOST_FAULTS {
+        if self.faults.iter().any(|known| fault.repeats(known)) {
             return;
         }
         let is_first = !self.is_faulty();

@@ -441,3 +441,17 @@ fn a_drive_that_follows_once_enabled_keeps_its_last_setpoint() {
     let at = |position| vec![0x37, 0x02, position, 0, 0, 0];
     assert_eq!(held(&layout, position, at), [7, 8, 9, 10]);
 }
+
+/// However many faults are known already, what the table has for another one is done.
+#[test]
+fn a_fault_behind_the_last_one_that_is_kept_has_its_reaction() {
+    let (mut machine, _) = counting_machine();
+    let controller = &mut machine.controller;
+    controller.stay_on();
+    for bus in 0..40 {
+        controller.fail(Fault::Bus(10 + bus, BusCause::ErrorPassive));
+        assert_eq!(controller.phase(), Phase::Stop);
+    }
+    controller.fail(Fault::NotEnabled { input: 0 });
+    assert_eq!(controller.phase(), Phase::QuickStop);
+}
