@@ -9,24 +9,24 @@ use std::sync::Arc;
 use syncline_canopen::{Instant, Transmit};
 
 impl<const N: usize> Controller<N> {
-    /// The burst of setpoints for the next SYNC: of every drive, or of none.
-    pub(super) fn command(&mut self, now: Instant, out: &mut [Outbox]) -> Result<(), Fault> {
+    /// The burst of setpoints for the next SYNC: of every drive, or of none. What is wrong with them has its reaction in the
+    /// same burst.
+    pub(super) fn command(&mut self, now: Instant, out: &mut [Outbox]) {
         self.setpoints_change = false;
         if !self.streams() {
-            return Ok(());
+            return;
         }
-        let mut outcome = Ok(());
-        if self.frozen {
-            outcome = self.plan_axes();
-        } else {
+        if !self.frozen {
             self.nodes.iter_mut().for_each(DeviceNode::hold);
+        } else if let Err(fault) = self.plan_axes() {
+            self.fail(fault);
         }
         if self.phase == Phase::Start && !self.nodes.iter().all(DeviceNode::is_sampled) {
-            return outcome;
+            return;
         }
         if now > self.sync_at + self.layout.latest_burst {
             (0..out.len()).for_each(|bus| self.miss(bus, self.cycle));
-            return outcome;
+            return;
         }
         self.set_outputs();
         self.nodes.iter_mut().for_each(DeviceNode::encode);
@@ -35,7 +35,6 @@ impl<const N: usize> Controller<N> {
                 outbox.burst.transmit(self.nodes[drive].r_pdos()[r_pdo]);
             }
         }
-        outcome
     }
 
     /// Whether setpoints go out every cycle.

@@ -455,3 +455,28 @@ fn a_fault_behind_the_last_one_that_is_kept_has_its_reaction() {
     controller.fail(Fault::NotEnabled { input: 0 });
     assert_eq!(controller.phase(), Phase::QuickStop);
 }
+
+/// What is found wrong with a setpoint shows in the burst that it was made for: drives are quick-stopped, and outputs have
+/// their safe values.
+#[test]
+fn what_a_setpoint_shows_has_its_reaction_in_the_same_burst() {
+    let (mut machine, _) = counting_machine();
+    let controller = &mut machine.controller;
+    let before = controller.executor.setpoint().position;
+    // A defect of the planner: the plan goes on elsewhere.
+    controller.executor.restart(before.map(|at| at + 50.0));
+    while !machine.controller.is_faulty() {
+        let wake = machine.controller.next_wake().unwrap();
+        machine.step(wake.at()).unwrap();
+    }
+    let controller = &machine.controller;
+    let [Fault::Axis(_, fault::AxisCause::SetpointGuard { .. })] = controller.faults[..] else {
+        panic!("{:?}", controller.faults);
+    };
+    for node in &controller.nodes {
+        let [r_pdo] = node.r_pdos() else {
+            panic!("{:?}", node.r_pdos());
+        };
+        assert_eq!(r_pdo.data()[..2], [0x0B, 0x00]);
+    }
+}
