@@ -76,11 +76,7 @@ pub struct SocketCan {
     batch: Batch,
     arrivals: Arrivals,
     wire_clock: WireClock,
-    /// Frames of the burst that have not been echoed.
-    waiting: usize,
-    /// What other sockets of this port send and the receiving one gets as well, SYNCs and heartbeats: how many
-    /// have not come back to it.
-    returning: [(CanId, usize); 2],
+    queued: Queued,
     faults: FaultCounts,
     /// The worst that was reported and lets the bus be used on, until it is asked for.
     condition: Option<BusFault>,
@@ -127,8 +123,7 @@ impl SocketCan {
             batch: Batch::new(options.receive.len() + options.burst.len() + BATCH_SLACK),
             arrivals: Arrivals::new(),
             wire_clock: WireClock::default(),
-            waiting: 0,
-            returning: [CobId::SYNC, options.heartbeat].map(|id| (id.into(), 0)),
+            queued: Queued::new(options.heartbeat),
             faults: FaultCounts::default(),
             condition: None,
             overruns: 0,
@@ -149,7 +144,8 @@ impl SocketCan {
         self.faults
     }
 
-    fn fail(&self, doing: &str, error: &io::Error) -> PortError {
+    fn fail(&mut self, doing: &str, error: &io::Error) -> PortError {
+        self.queued.fails(error);
         failure(&self.name, doing, error)
     }
 
@@ -157,8 +153,7 @@ impl SocketCan {
     fn fault(&mut self, fault: BusFault) -> Result<(), PortError> {
         self.faults.add(fault, 1);
         if matches!(fault, BusFault::BusOff | BusFault::Restarted) {
-            self.waiting = 0;
-            self.returning.iter_mut().for_each(|(_, count)| *count = 0);
+            self.queued.forget();
         }
         match fault.severity() {
             Severity::Count => Ok(()),
@@ -176,12 +171,46 @@ impl SocketCan {
             }),
         }
     }
+}
+
+/// What of this port's frames was queued and has not been told to have left.
+#[derive(Debug)]
+struct Queued {
+    /// Frames of bursts.
+    bursts: usize,
+    /// What other sockets of this port send and the receiving one gets as well, SYNCs and heartbeats: how many
+    /// have not come back to it.
+    returning: [(CanId, usize); 2],
+}
+
+impl Queued {
+    /// Nothing; the controller's heartbeat has that identifier.
+    fn new(heartbeat: CobId) -> Self {
+        Self {
+            bursts: 0,
+            returning: [CobId::SYNC, heartbeat].map(|id| (id.into(), 0)),
+        }
+    }
+
+    /// A call has failed. With an interface that goes down the kernel empties its queue, and the driver what it had of it:
+    /// nothing of that leaves later, or comes back.
+    fn fails(&mut self, error: &io::Error) {
+        if error.raw_os_error() == Some(libc::ENETDOWN) {
+            self.forget();
+        }
+    }
+
+    /// Nothing of it leaves any more.
+    fn forget(&mut self) {
+        self.bursts = 0;
+        self.returning.iter_mut().for_each(|(_, count)| *count = 0);
+    }
 
     /// Whether a frame is one of ours that left. The burst's own socket marks its frames; SYNC and the
     /// heartbeat come from other sockets of this port, so as many are ours as were sent.
     fn is_echo(&mut self, frame: &Frame, flags: c_int) -> bool {
         if flags & libc::MSG_CONFIRM != 0 {
-            self.waiting = self.waiting.saturating_sub(1);
+            self.bursts = self.bursts.saturating_sub(1);
             return true;
         }
         let of_this_host = flags & libc::MSG_DONTROUTE != 0;
@@ -190,8 +219,8 @@ impl SocketCan {
         own.map(|(_, count)| *count -= 1).is_some()
     }
 
-    /// Frames left by a socket that is not the receiving one.
-    fn sent_beside(&mut self, frames: &[Frame]) {
+    /// Frames were queued by a socket that is not the receiving one.
+    fn beside(&mut self, frames: &[Frame]) {
         for frame in frames {
             let mut returning = self.returning.iter_mut();
             if let Some((_, count)) = returning.find(|(id, _)| *id == frame.id()) {
@@ -243,7 +272,7 @@ impl Port for SocketCan {
                 let Some(frame) = from_raw(&message.raw) else {
                     continue;
                 };
-                let echo = self.is_echo(&frame, message.flags);
+                let echo = self.queued.is_echo(&frame, message.flags);
                 let kernel = reading.at(message.software);
                 let at = match message.hardware {
                     Some(wire) => {
@@ -268,7 +297,7 @@ impl Port for SocketCan {
     fn send_sync(&mut self, frame: &Frame) -> Result<(), PortError> {
         match send_all(&self.sync, std::slice::from_ref(frame)) {
             Ok(_) => {
-                self.sent_beside(std::slice::from_ref(frame));
+                self.queued.beside(std::slice::from_ref(frame));
                 Ok(())
             }
             Err(error) => Err(self.fail("sending SYNC", &error)),
@@ -276,12 +305,12 @@ impl Port for SocketCan {
     }
 
     fn send_burst(&mut self, frames: &[Frame]) -> Result<Burst, PortError> {
-        if frames.len() + self.waiting > self.burst_length {
+        if frames.len() + self.queued.bursts > self.burst_length {
             return Ok(Burst::Dropped);
         }
         match send_all(&self.burst, frames) {
             Ok(queued) => {
-                self.waiting += queued;
+                self.queued.bursts += queued;
                 Ok(if queued == frames.len() {
                     Burst::Queued
                 } else {
@@ -296,7 +325,7 @@ impl Port for SocketCan {
     fn send_acyclic(&mut self, frames: &[Frame]) -> Result<(), PortError> {
         match send_all(&self.acyclic, frames) {
             Ok(sent) => {
-                self.sent_beside(&frames[..sent]);
+                self.queued.beside(&frames[..sent]);
                 Ok(())
             }
             Err(error) if !is_full(&error) => Err(self.fail("sending", &error)),
@@ -600,6 +629,22 @@ mod tests {
             }
         }
         assert!(worst < 12_000, "{worst} ns over the least delay of 3 us");
+    }
+
+    /// What went down with the interface is waited for no more: as it is up again there is room for the next burst, and a
+    /// SYNC that comes is another node's.
+    #[test]
+    fn what_an_interface_had_goes_down_with_it() {
+        let sync = Frame::new(CobId::SYNC, &[]);
+        let heartbeat = CobId::error_control(NodeId::new(127).unwrap());
+        for (error, left) in [(libc::ENOBUFS, 4), (libc::ENETDOWN, 0)] {
+            let mut queued = Queued::new(heartbeat);
+            queued.bursts += 4;
+            queued.beside(&[sync]);
+            queued.fails(&io::Error::from_raw_os_error(error));
+            assert_eq!(queued.bursts, left);
+            assert_eq!(queued.is_echo(&sync, libc::MSG_DONTROUTE), left > 0);
+        }
     }
 
     #[test]

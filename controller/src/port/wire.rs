@@ -60,6 +60,10 @@ impl<W: Wire + ?Sized> Wire for Box<W> {
     }
 }
 
+/// Frames that a wake-up takes at least before the rest is left to the next one, so that a bus that babbles cannot hold the
+/// cycle: more than a bus carries in any cycle.
+const MOST_FRAMES: usize = 1024;
+
 /// A [`Wire`] under a controller's cycle. It has no priority bands and no echo: good for trying
 /// things out, not for holding a cycle.
 pub struct WirePort<W> {
@@ -91,13 +95,17 @@ impl<W: Wire> Port for WirePort<W> {
     }
 
     fn receive(&mut self, sink: &mut dyn FnMut(Received)) -> Result<(), PortError> {
-        while self.wire.receive(&mut |at, frame| {
-            sink(Received {
-                at,
-                frame: *frame,
-                echo: false,
-            });
-        })? {}
+        let mut count = 0;
+        while count < MOST_FRAMES
+            && self.wire.receive(&mut |at, frame| {
+                count += 1;
+                sink(Received {
+                    at,
+                    frame: *frame,
+                    echo: false,
+                });
+            })?
+        {}
         Ok(())
     }
 
@@ -121,5 +129,55 @@ impl<W: Wire> Port for WirePort<W> {
 
     fn send_acyclic(&mut self, frames: &[Frame]) -> Result<(), PortError> {
         self.send(frames).map(|_| ())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use syncline_canopen::CobId;
+
+    /// A wire on which something has always arrived, so many frames at a time, and how many it has handed over.
+    struct Babbling {
+        at_once: usize,
+        count: usize,
+    }
+
+    impl Wire for Babbling {
+        fn name(&self) -> &str {
+            "babbling"
+        }
+
+        fn wait(&mut self, _: Duration) -> Result<(), PortError> {
+            Ok(())
+        }
+
+        fn receive(&mut self, sink: &mut dyn FnMut(Instant, &Frame)) -> Result<bool, PortError> {
+            assert!(self.count < 1_000_000, "it takes them without end");
+            for _ in 0..self.at_once {
+                self.count += 1;
+                sink(Instant::ZERO, &Frame::new(CobId::SYNC, &[]));
+            }
+            Ok(true)
+        }
+
+        fn send(&mut self, frames: &mut Vec<Frame>) -> Result<(), PortError> {
+            frames.clear();
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_bus_that_babbles_does_not_hold_a_wake_up() {
+        for at_once in [1, 7, 64] {
+            let mut port = WirePort::new(Babbling { at_once, count: 0 });
+            for wake_up in 1..=3 {
+                let mut taken = 0;
+                port.receive(&mut |_| taken += 1).unwrap();
+                let most = MOST_FRAMES + at_once;
+                assert!((1..most).contains(&taken), "{taken} at once {at_once}");
+                assert!(port.wire.count < wake_up * most);
+            }
+        }
     }
 }
