@@ -2,7 +2,7 @@
 //! nothing more comes of it, so each is told behind the cycle's own report of that end, whichever of the two was faster.
 
 use crate::control::Outcome;
-use crate::program::Left;
+use crate::program::{Left, Program};
 use std::collections::VecDeque;
 
 /// What the planner has told of jobs that are over, until the cycle has reported their ends.
@@ -41,9 +41,60 @@ impl Ends {
     }
 }
 
+/// The jobs that the planner was handed and that are not over, the oldest first.
+#[derive(Default)]
+pub(super) struct HandedOver(Vec<(u64, Program)>);
+
+impl HandedOver {
+    /// The planner is handed a job.
+    pub(super) fn hand_over(&mut self, job: u64, program: Program) {
+        self.0.push((job, program));
+    }
+
+    /// The last of them.
+    pub(super) fn last(&self) -> Option<u64> {
+        self.0.last().map(|(job, _)| *job)
+    }
+
+    /// A job is over, and so are all that were handed over before it, or never began: nobody wants them any more. Without
+    /// that one that computes without end would keep the planner from those behind it.
+    pub(super) fn over(&mut self, job: u64) {
+        self.0.retain(|(number, program)| {
+            let is_over = *number <= job;
+            if is_over {
+                program.abandon();
+            }
+            !is_over
+        });
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::machine::Machine;
+    use std::path::Path;
+
+    /// Whatever was handed over, and began or did not: what comes before a job that is over, and that itself, is wanted no more,
+    /// and what comes behind it still is.
+    #[test]
+    fn a_job_that_is_over_takes_those_before_it_along() {
+        let portal = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/portal/machine.toml");
+        let machine = Machine::load(&portal).unwrap();
+        let program = Program::new(Path::new("p.ngc"), &machine, &portal).unwrap();
+        for over in 0..=6 {
+            let mut jobs = HandedOver::default();
+            let programs = [1, 2, 4, 5].map(|job| (job, program.apart()));
+            for (job, program) in &programs {
+                jobs.hand_over(*job, program.clone());
+            }
+            jobs.over(over);
+            for (job, program) in &programs {
+                assert_eq!(program.is_abandoned(), *job <= over, "{job} {over}");
+            }
+            assert_eq!(jobs.last(), Some(5).filter(|last| *last > over));
+        }
+    }
 
     /// Each end is told once, in order, and behind the cycle's report of it, however the two threads are interleaved.
     #[test]

@@ -4,7 +4,7 @@
 use super::{RunError, Work};
 use crate::control::{Found, Instruction, Outcome, SignalLevels};
 use crate::machine::{COORDINATES, Position};
-use crate::program::{Feeder, Left, ProgramError};
+use crate::program::{Feeder, Left, Program, ProgramError};
 use crossbeam::channel::{self, Receiver, Sender};
 use rtrb::{Consumer, Producer};
 use std::io;
@@ -71,6 +71,7 @@ struct Planner {
 /// A job that is planned, or was planned last.
 struct Planned {
     number: u64,
+    program: Program,
     feeder: Feeder,
     over: bool,
 }
@@ -192,6 +193,7 @@ impl Planner {
         match feeder {
             Ok(feeder) => Some(Planned {
                 number,
+                program,
                 feeder,
                 over: false,
             }),
@@ -223,7 +225,12 @@ impl Planner {
 
     /// Plans on; false if there is nothing to do for now.
     fn feed(&mut self, planned: &mut Planned, request: Option<ReplanRequest>) -> bool {
-        let Planned { number, feeder, .. } = planned;
+        let Planned {
+            number,
+            program,
+            feeder,
+            ..
+        } = planned;
         if let Some(request) = request {
             feeder.replan(&request);
         }
@@ -237,6 +244,8 @@ impl Planner {
                 true
             }
             Ok(None) => false,
+            // As where it could not begin.
+            Err(_) if program.is_abandoned() => false,
             Err(error) => {
                 self.tell(Told::Block(error));
                 true
@@ -254,7 +263,7 @@ impl Planner {
 mod tests {
     use super::*;
     use crate::machine::Machine;
-    use crate::program::{Moves, Program};
+    use crate::program::Moves;
     use rtrb::RingBuffer;
     use std::path::Path;
 

@@ -21,7 +21,7 @@
 //! `REPORT_PATIENCE` in all: then reports are lost, and counted.
 
 use super::driver::Driver;
-use super::ends::Ends;
+use super::ends::{Ends, HandedOver};
 use super::planning::{PlanQueues, PlanRequest, Planning, Told};
 use super::{CycleReport, Progress, RunError, Timeline, Work};
 use crate::control::{Controller, Event, Instruction, Layout, Order, Outcome, Phase};
@@ -469,8 +469,8 @@ pub struct RealTime {
     handle: Option<CycleHandle>,
     cycle: Option<JoinHandle<(Controller<COORDINATES>, Measured)>>,
     planning: Option<Planning>,
-    /// The job that was handed over last.
-    last: Option<(u64, Program)>,
+    /// The jobs that were handed over and are not over.
+    jobs: HandedOver,
     ends: Ends,
 }
 
@@ -542,7 +542,7 @@ impl RealTime {
             handle: Some(handle),
             cycle: None,
             planning: Some(Planning::new(queues)?),
-            last: None,
+            jobs: HandedOver::default(),
             ends: Ends::default(),
         })
     }
@@ -559,19 +559,12 @@ impl RealTime {
         Ok(())
     }
 
-    /// Nobody wants the last job any more.
-    fn abandon(&self) {
-        if let Some((_, program)) = &self.last {
-            program.abandon();
-        }
-    }
-
     /// Waits for the threads, which end with [`Progress::Ended`].
     ///
     /// # Errors
     /// The cycle panicked.
     pub fn end(mut self) -> Result<Ended, CyclePanic> {
-        self.abandon();
+        self.jobs.over(u64::MAX);
         let cycle = self.cycle.take().ok_or(CyclePanic)?;
         let (controller, measured) = cycle.join().map_err(|_| CyclePanic)?;
         // Why it failed was told when it did.
@@ -588,7 +581,7 @@ impl RealTime {
 impl Drop for RealTime {
     fn drop(&mut self) {
         self.handle = None;
-        self.abandon();
+        self.jobs.over(u64::MAX);
         if let Some(cycle) = self.cycle.take() {
             let _ = cycle.join();
         }
@@ -597,7 +590,7 @@ impl Drop for RealTime {
 
 impl Timeline for RealTime {
     fn prepare(&mut self, work: Work) {
-        self.last = Some((work.number, work.program.clone()));
+        self.jobs.hand_over(work.number, work.program.clone());
         if let Some(planning) = &self.planning {
             planning.prepare(work);
         }
@@ -632,8 +625,8 @@ impl Timeline for RealTime {
         }
         planning.check().inspect_err(|_| {
             // Without a planner the machine comes to rest and goes off.
-            if let Some((job, _)) = &self.last {
-                handle.order(OWN, Order::Abandon(*job));
+            if let Some(job) = self.jobs.last() {
+                handle.order(OWN, Order::Abandon(job));
             }
             handle.order(OWN, Order::SwitchOff);
         })?;
@@ -642,11 +635,7 @@ impl Timeline for RealTime {
                 Some(it) => {
                     if let CycleReport::Event(Event::JobOver { job, .. }) = &it {
                         self.ends.reported(*job);
-                        if let Some((last, program)) = &self.last
-                            && last == job
-                        {
-                            program.abandon();
-                        }
+                        self.jobs.over(*job);
                     }
                     report(it);
                 }
@@ -665,13 +654,25 @@ impl Timeline for RealTime {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::{Job, JobKind, State};
     use crate::machine::Machine;
     use crate::port;
+    use crate::program::Programs;
     use std::path::Path;
     use syncline_drives::world::Observer;
 
-    #[test]
-    fn a_simulated_machine_goes_on_without_an_answer_of_its_planner() {
+    const TIMING: Timing = Timing {
+        settings: realtime::Settings {
+            priority: 1,
+            core: None,
+        },
+        spin: Duration::ZERO,
+        lockstep: true,
+        strict: false,
+    };
+
+    /// A simulated portal.
+    fn portal() -> (Machine, Arc<Layout>, World, Ports) {
         let portal = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/portal/machine.toml");
         let machine = Machine::load(&portal).unwrap();
         let layout = Arc::new(Layout::new(&machine).unwrap());
@@ -680,16 +681,13 @@ mod tests {
             .iter()
             .map(|_| Box::new(|_: &_| ()) as Observer);
         let (world, ports) = port::open(&machine, 0, unseen.collect()).unwrap();
-        let timing = Timing {
-            settings: realtime::Settings {
-                priority: 1,
-                core: None,
-            },
-            spin: Duration::ZERO,
-            lockstep: true,
-            strict: false,
-        };
-        let (cycle, mut handle, mut queues) = Cycle::new(&layout, world, ports, timing);
+        (machine, layout, world, ports)
+    }
+
+    #[test]
+    fn a_simulated_machine_goes_on_without_an_answer_of_its_planner() {
+        let (_, layout, world, ports) = portal();
+        let (cycle, mut handle, mut queues) = Cycle::new(&layout, world, ports, TIMING);
         let cycle = thread::spawn(move || cycle.run(|_| ()));
         while queues.requests.pop().is_err() {
             while handle.report().is_some() {}
@@ -733,5 +731,61 @@ mod tests {
             assert!(handle.report().is_none());
         }
         assert_eq!(last, Some((many, Order::Interrupt)));
+    }
+
+    /// A job that computes without end is held, and lines that are typed in take its place: they are planned.
+    #[test]
+    fn a_job_that_computes_without_end_makes_way_for_the_next() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("p.ngc");
+        std::fs::write(&file, "M3 S100\nM99\n").unwrap();
+        let (machine, layout, world, ports) = portal();
+        let portal = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/portal/machine.toml");
+        let programs = Programs::new(&machine, &portal).unwrap();
+        let endless = Program::new(&file, &machine, &portal).unwrap().stream(true);
+        let lines = programs.lines("G0 X1");
+        let mut running = RealTime::stay_on(&layout, world, ports, TIMING, |_| ()).unwrap();
+        let until = |running: &mut RealTime, is_it: &dyn Fn(&CycleReport) -> bool| {
+            let begun = realtime::now();
+            let mut came = false;
+            while !came {
+                let waited = realtime::now().saturating_since(begun);
+                assert!(waited < 4 * PLAN_PATIENCE, "it does not come");
+                let progress = running
+                    .advance(&mut |report| came |= is_it(&report))
+                    .unwrap();
+                if progress == Progress::Idle {
+                    thread::sleep(NAP);
+                }
+            }
+        };
+        let is_state = |report: &CycleReport, is: State| matches!(report, CycleReport::Event(Event::State(it)) if *it == is);
+        until(&mut running, &|report| is_state(report, State::Ready));
+        for (number, kind, program) in [(1, JobKind::Program, endless), (2, JobKind::Mdi, lines)] {
+            let job = Job {
+                number,
+                kind,
+                ..Job::ONLY
+            };
+            running.prepare(Work {
+                number,
+                program,
+                upcoming: Moves::new().0,
+            });
+            running.order(number, Order::Begin(job));
+            if kind == JobKind::Program {
+                until(&mut running, &|report| is_state(report, State::Running));
+                running.order(0, Order::FeedHold);
+                until(&mut running, &|report| is_state(report, State::Held));
+            }
+        }
+        let finished = |report: &CycleReport| {
+            let over = Event::JobOver {
+                job: 2,
+                outcome: Outcome::Finished,
+            };
+            matches!(report, CycleReport::Event(event) if *event == over)
+        };
+        until(&mut running, &finished);
     }
 }
