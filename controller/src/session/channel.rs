@@ -14,6 +14,8 @@ use std::time::Duration;
 const COMMANDS: usize = 256;
 /// Stops that wait for the session at most: all of them are obeyed by the first.
 const STOPS: usize = 1;
+/// Likewise switching off, where there is no room beside other commands.
+const SWITCH_OFFS: usize = 1;
 /// Events that wait for a subscriber at most.
 const EVENTS: usize = 4096;
 
@@ -25,11 +27,13 @@ pub struct Operator {
 }
 
 /// The ways to the session. A stop has one of its own, so that no crowd of other commands keeps it
-/// out, and it goes first. What it overtakes is known by the order in which all were given.
+/// out, and it goes first. What it overtakes is known by the order in which all were given. Switching off has a place behind
+/// all others.
 #[derive(Clone, Debug)]
 struct Lanes {
     stops: Sender<Issued>,
     commands: Sender<Given>,
+    switch_offs: Sender<Issued>,
     /// How many commands were given.
     count: Arc<AtomicU64>,
     /// Which of them was the last stop.
@@ -63,8 +67,8 @@ pub enum NotTaken {
 
 impl Operator {
     /// Commands something; commands take effect in the order in which they are taken, but for
-    /// [`Command::Stop`], which overtakes what waits and is never refused for want of room. What it overtakes and would
-    /// set something going is refused.
+    /// [`Command::Stop`], which overtakes what waits. What it overtakes and would set something going is refused. Neither that
+    /// nor [`Command::SwitchOff`] is ever refused for want of room.
     ///
     /// # Errors
     /// It is not taken.
@@ -87,6 +91,12 @@ impl Operator {
         match lanes.commands.try_send(Given { number, issued }) {
             Ok(()) => Ok(()),
             Err(TrySendError::Disconnected(_)) => Err(NotTaken::Over),
+            Err(TrySendError::Full(given)) if given.issued.command == Command::SwitchOff => {
+                match lanes.switch_offs.try_send(given.issued) {
+                    Err(TrySendError::Disconnected(_)) => Err(NotTaken::Over),
+                    Ok(()) | Err(TrySendError::Full(_)) => Ok(()),
+                }
+            }
             Err(TrySendError::Full(_)) => Err(NotTaken::Busy),
         }
     }
@@ -96,6 +106,7 @@ impl Operator {
 pub(super) struct Inlet {
     stops: Receiver<Issued>,
     commands: Receiver<Given>,
+    switch_offs: Receiver<Issued>,
     given: Lanes,
 }
 
@@ -103,15 +114,18 @@ impl Default for Inlet {
     fn default() -> Self {
         let (first, stops) = channel::bounded(STOPS);
         let (others, commands) = channel::bounded(COMMANDS);
+        let (last, switch_offs) = channel::bounded(SWITCH_OFFS);
         let given = Lanes {
             stops: first,
             commands: others,
+            switch_offs: last,
             count: Arc::default(),
             last_stop: Arc::default(),
         };
         Self {
             stops,
             commands,
+            switch_offs,
             given,
         }
     }
@@ -136,7 +150,8 @@ impl Inlet {
                 false => (issued, Ok(())),
             }
         });
-        stops.chain(others)
+        let switch_offs = (self.switch_offs.try_iter()).map(|issued| (issued, Ok(())));
+        stops.chain(others).chain(switch_offs)
     }
 }
 
@@ -288,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn no_crowd_of_commands_keeps_a_stop_out() {
+    fn no_crowd_of_commands_keeps_a_stop_or_switching_off_out() {
         let inlet = Inlet::default();
         let [crowd, person] = ["crowd", "person"].map(|name| inlet.operator(name));
         while crowd.command(Command::Retrace).is_ok() {}
@@ -296,10 +311,15 @@ mod tests {
         for _ in 0..2 * STOPS {
             assert_eq!(person.command(Command::Stop), Ok(()));
         }
+        for _ in 0..2 * SWITCH_OFFS {
+            assert_eq!(person.command(Command::SwitchOff), Ok(()));
+        }
         let mut taken = inlet.commands();
         let (first, _) = taken.next().unwrap();
         assert_eq!((&*first.source, first.command), ("person", Command::Stop));
-        assert_eq!(taken.count(), COMMANDS);
+        let others: Vec<_> = taken.map(|(issued, _)| issued.command).collect();
+        assert_eq!(others.len(), COMMANDS + SWITCH_OFFS);
+        assert_eq!(others.last(), Some(&Command::SwitchOff));
         drop(inlet);
         assert_eq!(person.command(Command::Stop), Err(NotTaken::Over));
     }

@@ -157,9 +157,8 @@ impl Keyboard {
         if self.hear_keys().is_ok() {
             return;
         }
-        while self.operator.command(Command::SwitchOff) == Err(NotTaken::Busy) {
-            thread::sleep(LOOK);
-        }
+        // Where the session is over it is off.
+        let _ = self.operator.command(Command::SwitchOff);
     }
 
     /// Until the session is over.
