@@ -71,8 +71,15 @@ pub(super) fn enter(start: State, limits: &Limits) -> (Entry, State) {
         let [up, hold, down] = change.t;
         let held = state.a + up * change.j[0];
         let short = SPARE * (miss / held).abs() + SPARE * f64::EPSILON * up.max(hold).max(down);
-        if miss.abs() > MISS * (l.v_max - l.v_min) && hold.max(up) > short {
-            let last = down * LAST_PART;
+        let last = down * LAST_PART;
+        // Of both ramps no more can be taken than there is of either. Where rounding decides that the last ramp is all
+        // that is left, there is none: what that misses, it misses by the rounding of the velocity at the start.
+        let room = if hold > 0.0 {
+            hold.max(up)
+        } else {
+            up.min((down - last) * (change.j[2] / change.j[0]).abs())
+        };
+        if miss.abs() > MISS * (l.v_max - l.v_min) && room > short {
             if hold > 0.0 {
                 segments[2].duration = (hold - short).max(0.0);
             } else {

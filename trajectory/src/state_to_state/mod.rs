@@ -36,6 +36,8 @@
 
 mod entry;
 mod profile;
+#[cfg(test)]
+mod properties;
 mod route;
 mod steps;
 
