@@ -10,6 +10,8 @@ use crate::profile::{Exact, Profile, State};
 const RATE_ROUNDING: f64 = 4.0 * f64::EPSILON;
 /// A drift during a cruise that shows, relative: a tenth of what plans are certified to.
 const SHOWS: f64 = 1e-13;
+/// An error of a velocity that is too much, relative: what plans are certified to.
+const TOO_MUCH: f64 = 1e-12;
 
 impl Route {
     pub(crate) fn profile(&self, course: &Course) -> Profile {
@@ -54,27 +56,38 @@ impl Route {
         let settles = !slow || self.drifts(&steps);
         // Ramps from far outside the limits are rounded more coarsely than a slow cruise after them is.
         let meets = (slow || self.entry.duration > 0.0) && self.target.is_some();
-        let share = if meets { SETTLE_AND_MEET } else { SETTLE };
-        let mut settled = None;
-        for step in steps.iter() {
-            let mut duration = step.duration;
-            if step.cruise && settles {
-                let part = duration * share;
-                settle(&mut profile, part);
-                duration -= 2.0 * part;
-                settled = Some((profile.segments().len() - 2, part, duration));
+        let mut share = if meets { SETTLE_AND_MEET } else { SETTLE };
+        let fastest = [
+            self.limits.v_max,
+            self.limits.v_min,
+            self.start.v,
+            self.conditions.vf,
+        ]
+        .into_iter()
+        .fold(0.0_f64, |most, v| most.max((factor * v).abs()));
+        let [one, other] = [self.limits.j_min, self.limits.j_max].map(|jerk| factor * jerk);
+        let keeps = |jerk: f64| jerk >= one.min(other) && jerk <= one.max(other);
+        loop {
+            let mut whole = profile;
+            let bent = follow(
+                &mut whole,
+                &steps,
+                factor,
+                settles.then_some(share),
+                |reached, cruise| {
+                    let miss = (Double::from(distance) - reached).value();
+                    let way = fastest * cruise;
+                    // A short cruise would pay with its velocity for a distance that is missed by less.
+                    let costs = miss.abs() > TOO_MUCH * way && distance.abs() > way;
+                    (meets && !costs).then_some(miss)
+                },
+            );
+            // As short as the jerk allows.
+            if share >= LONGEST || bent.into_iter().all(keeps) {
+                return whole;
             }
-            profile.append(duration, factor * step.jerk);
+            share = (LONGER * share).min(LONGEST);
         }
-        // A cruise slower than the rates around it multiplies their rounding: set its velocity by
-        // what it leaves of the distance.
-        if let Some((first, part, cruise)) = settled.filter(|_| meets) {
-            let miss = Double::from(distance) - displacement(&profile);
-            let jerk = miss.value() / ((cruise + part) * part * part);
-            profile.bend(first, jerk);
-            profile.bend(first + 1, -jerk);
-        }
-        profile
     }
 
     /// Whether an extremal plan cruises so long that the rounding of the ramps before it shows.
@@ -116,6 +129,44 @@ impl Route {
 const SETTLE: f64 = 1.0 / (1_u32 << 30) as f64;
 
 const SETTLE_AND_MEET: f64 = 1.0 / (1_u32 << 20) as f64;
+
+/// Where the jerk does not suffice for so short a part it is so many times as long, and at most that part of the cruise.
+const LONGER: f64 = 4.0;
+const LONGEST: f64 = 0.25;
+
+/// Appends the steps, `factor` times as high. With a `share`, a cruise begins with two parts of that share in which its
+/// acceleration is brought to zero and, where `missing` tells what is left of the distance after such a displacement, for a cruise of such a duration, its
+/// velocity to what meets the distance. The jerks of both parts.
+fn follow(
+    profile: &mut Profile,
+    steps: &Steps,
+    factor: f64,
+    share: Option<f64>,
+    missing: impl FnOnce(Double, f64) -> Option<f64>,
+) -> [f64; 2] {
+    let mut settled = None;
+    for step in steps.iter() {
+        let mut duration = step.duration;
+        if let Some(share) = share.filter(|_| step.cruise) {
+            let part = duration * share;
+            settle(profile, part);
+            duration -= 2.0 * part;
+            settled = Some((profile.segments().len() - 2, part, duration));
+        }
+        profile.append(duration, factor * step.jerk);
+    }
+    let Some((first, part, cruise)) = settled else {
+        return [0.0; 2];
+    };
+    // A cruise slower than the rates around it multiplies their rounding: set its velocity by
+    // what it leaves of the distance.
+    if let Some(miss) = missing(displacement(profile), cruise + part) {
+        let jerk = miss / ((cruise + part) * part * part);
+        profile.bend(first, jerk);
+        profile.bend(first + 1, -jerk);
+    }
+    [first, first + 1].map(|part| profile.segments()[part].jerk)
+}
 
 /// What the ramps leave of the acceleration by rounding, a long cruise would integrate to a wrong
 /// velocity. Brings it to zero in two first small parts of the cruise.

@@ -40,6 +40,20 @@ prop_compose! {
     }
 }
 
+prop_compose! {
+    /// A start inside the limits that its acceleration leads far out of them.
+    fn leaving()(
+        v in decades(-1.0, 1.0),
+        a in decades(1.0, 4.0),
+        far in decades(2.0, 4.0),
+        (inside, up) in (-1.0..1.0_f64, any::<bool>()),
+    ) -> (State, Limits) {
+        let j = 0.5 * a * a / (v * far);
+        let start = State { p: 0.0, v: v * inside, a: if up { a } else { -a } };
+        (start, Limits::symmetric(v, a, j))
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 20_000, failure_persistence: None, ..ProptestConfig::default() })]
 
@@ -48,6 +62,39 @@ proptest! {
     fn a_start_on_its_last_ramp_lands((start, limits) in landing(), way in -1e3..1e3_f64) {
         let problem = Problem::new(start, State::at_rest(way), limits);
         let plan = plan(&problem, 0.0).unwrap();
+        prop_assert!(verify::axis(&plan, &problem).holds(1e-10), "{:?}", verify::axis(&plan, &problem));
+    }
+
+    /// The jerk by which the distance is met after the way back is inside the limits as any other is.
+    #[test]
+    fn what_meets_the_distance_keeps_the_jerk(
+        (start, limits) in leaving(),
+        cruise in decades(-4.0, 3.0),
+    ) {
+        let stop = plan(&Problem::to_velocity(start, 0.0, limits), 0.0).unwrap();
+        let beyond = start.a.signum() * cruise * limits.v_max;
+        let problem = Problem::new(start, State::at_rest(stop.end().p + beyond), limits);
+        let plan = plan(&problem, 0.0).unwrap();
+        let jerk = plan.extrema().jerk;
+        prop_assert!(jerk.max <= limits.j_max * (1.0 + 1e-12), "{} of {}", jerk.max, limits.j_max);
+        prop_assert!(jerk.min >= limits.j_min * (1.0 + 1e-12), "{} of {}", jerk.min, limits.j_min);
+        prop_assert!(verify::axis(&plan, &problem).holds(1e-11), "{:?}", verify::axis(&plan, &problem));
+    }
+
+    /// So does that of a stated duration, where nothing comes near the acceleration that is allowed.
+    #[test]
+    fn a_stated_duration_keeps_the_jerk(
+        v in decades(1.0, 3.0),
+        a in decades(6.0, 10.0),
+        j in decades(3.0, 5.0),
+        way in decades(-3.0, 3.0),
+        longer in decades(-6.0, 0.0),
+    ) {
+        let problem = Problem::new(State::at_rest(100.0), State::at_rest(100.0 + way), Limits::symmetric(v, a, j));
+        let duration = plan(&problem, 0.0).unwrap().duration() * (1.0 + longer);
+        let plan = plan(&problem, duration).unwrap();
+        let jerk = plan.extrema().jerk;
+        prop_assert!(jerk.max <= j * (1.0 + 1e-12) && jerk.min >= -j * (1.0 + 1e-12), "{jerk:?} of {j}");
         prop_assert!(verify::axis(&plan, &problem).holds(1e-10), "{:?}", verify::axis(&plan, &problem));
     }
 }
