@@ -3,7 +3,8 @@
 //! Off the path every axis has a plan of its own, from state to state, that ends at rest inside
 //! its travel. An order changes where an axis is to come to rest; the plan to there begins in the
 //! state that the axis has in that cycle, whatever it is. Orders only note what is wanted; a cycle
-//! plans every stop, but no more than two plans to a position, so that its work is bounded.
+//! plans every stop, but no more than two plans to a position, and one more where a line begins, so that its work is
+//! bounded.
 //!
 //! # Why no plan leaves the travel
 //!
@@ -142,6 +143,13 @@ pub(super) struct Jogging<const N: usize> {
 /// A plan goes no further than it may if by rounding it goes further by less, mm.
 const ROUNDING: f64 = 1e-9;
 
+/// Whether a plan stays between two positions, but for rounding: its own, and that of positions so far out.
+fn stays(plan: &Profile, min: f64, max: f64) -> bool {
+    let range = plan.extrema().position;
+    let rounding = |p: f64| ROUNDING + 2.0 * f64::EPSILON * p.abs();
+    range.min >= min - rounding(range.min) && range.max <= max + rounding(range.max)
+}
+
 /// Plans to a position that a cycle has time for, of up to sixteen axes; what is more begins a cycle later.
 const PLANS: usize = 2;
 
@@ -170,10 +178,11 @@ impl Travel {
             bounds.min = position.min(start.p);
         }
         let problem = Problem::new(start, State::at_rest(position), limits);
-        let direct = state_to_state::plan(&problem, 0.0).ok().filter(|plan| {
-            let range = plan.extrema().position;
-            range.min >= bounds.min - ROUNDING && range.max <= bounds.max + ROUNDING
-        });
+        // From rest to rest nothing goes anywhere but between them; who stands waits for nothing else.
+        let rests = start.v == 0.0 && start.a == 0.0;
+        let direct = state_to_state::plan(&problem, 0.0)
+            .ok()
+            .filter(|plan| rests || stays(plan, bounds.min, bounds.max));
         Some(direct.map_or((stop, false), |plan| (plan, true)))
     }
 

@@ -1,9 +1,12 @@
 //! From any motion to rest beside the path: all axes together, so that they leave the direction in which they moved
 //! as little as may be.
 
-use super::{Jogging, ROUNDING, Travel, stop};
+use super::{Jogging, Travel, stays, stop};
 use crate::profile::{Profile, State};
 use crate::state_to_state::{self, Problem};
+
+/// A plan lasts no longer than the lead's if by rounding it lasts longer by such a part.
+const LONGER: f64 = 1e-9;
 
 /// What the axis does that takes longest to stop.
 #[derive(Clone, Copy)]
@@ -31,10 +34,8 @@ impl Travel {
         let plan = state_to_state::plan(&problem, lead.duration).ok();
         // Where no plan lasts just so long the next one may last far longer.
         let goes_straight = |plan: &Profile| {
-            let range = plan.extrema().position;
-            plan.duration() <= lead.duration * (1.0 + ROUNDING)
-                && range.min >= start.p.min(to) - ROUNDING
-                && range.max <= start.p.max(to) + ROUNDING
+            plan.duration() <= lead.duration * (1.0 + LONGER)
+                && stays(plan, start.p.min(to), start.p.max(to))
         };
         plan.filter(goes_straight).unwrap_or(fastest)
     }
