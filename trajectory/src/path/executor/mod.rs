@@ -128,7 +128,7 @@ const NOTHING: f64 = 1e-9;
 const RESPONSE: f64 = 0.010;
 /// A planner that is slow is asked for a state this far ahead, at most, s.
 const LONGEST_LEAD: f64 = 0.5;
-/// So many cycles after an request the new plan takes over.
+/// So many cycles after a request the new plan takes over.
 fn first_lead(period: f64) -> u64 {
     ((RESPONSE / period) as u64).saturating_sub(1).max(1)
 }
@@ -142,10 +142,19 @@ const RESERVE: usize = MOST_AT_ONCE;
 /// Less of the programmed speed is none: a path that takes for ever cannot be planned.
 const LEAST_OVERRIDE: f64 = 1e-3;
 
-/// From so many cycles ahead a stop is searched for that the planner does not find.
-const AHEAD: u64 = 12;
-/// Work on the search for a stop on a curve in a cycle; see `brake.rs`.
-const WORK: usize = 150;
+/// From so far ahead a stop is searched for that the planner does not find, s; and the fewest and the most cycles that
+/// this may be.
+const AHEAD: f64 = 0.024;
+const FEWEST_AHEAD: u64 = 2;
+const MOST_AHEAD: u64 = 12;
+/// Work on the search for a stop on a curve, in all the cycles until its departure; see `brake.rs`. A short cycle has time
+/// for its share among the most cycles, a longer one for more.
+const WORK: usize = 1_800;
+/// How many cycles ahead a stop is searched for.
+fn ahead(period: f64) -> u64 {
+    // A period that divides the time but for rounding does.
+    ((AHEAD / period - 1e-9).ceil() as u64).clamp(FEWEST_AHEAD, MOST_AHEAD)
+}
 
 /// Where on the path the executor is.
 #[derive(Debug, Clone, Copy)]
@@ -550,7 +559,7 @@ impl<const N: usize> Executor<N> {
                 search: StopSearch::Sought { departure, since },
                 ..
             } = self.activity
-                && departure <= self.cycle + AHEAD
+                && departure <= self.cycle + ahead(self.period)
             {
                 self.seek_stop(departure, since);
             }

@@ -17,14 +17,14 @@
 //! a host that is crowded.
 
 use super::activity::{Activity, Next, StopSearch};
-use super::{AHEAD, Executor, Step, WORK, first_lead};
+use super::{Executor, Step, WORK, ahead, first_lead};
 use crate::path::brake::{Braking, Outcome, brake_gently};
 use crate::path::{Limits, PathState};
 
 impl<const N: usize> Executor<N> {
     /// From this cycle on a stop is to begin that the planner, asked from now on, did not find.
     pub(super) fn unanswered(&self) -> u64 {
-        self.cycle + self.lead + AHEAD
+        self.cycle + self.lead + ahead(self.period)
     }
 
     /// Comes to rest as soon as it can, for what is next; at rest it is there already. What is behind
@@ -150,7 +150,8 @@ impl<const N: usize> Executor<N> {
             (k == 0 || path_segment.start > path_segments[passed + k - 1].start)
                 .then_some(path_segment)
         };
-        match self.search.go_on(path_segment, limits, from, 0.0, WORK) {
+        let work = WORK / ahead(self.period) as usize;
+        match self.search.go_on(path_segment, limits, from, 0.0, work) {
             Outcome::Unfinished | Outcome::Impossible if departure == self.cycle => {
                 let gentle = path_segment(0)
                     .and_then(|path_segment| brake_gently(path_segment, limits, from, 0.0));
@@ -185,7 +186,7 @@ impl<const N: usize> Executor<N> {
         let next = if self.cycle == since {
             self.unanswered()
         } else {
-            (departure + 1).max(self.cycle + AHEAD)
+            (departure + 1).max(self.cycle + ahead(self.period))
         };
         // Another section may begin before.
         let (index, _) = self.step_at(next);
@@ -194,6 +195,64 @@ impl<const N: usize> Executor<N> {
             next
         } else {
             self.cycle + 1
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::path::{
+        Curve, Feed, Move, PathControlMode, PathItem, Plane, Planner, curve::ArcDefinition,
+    };
+    use proptest::prelude::*;
+
+    /// On an arc at 200 mm/s, after half a second, without a planner from then on: after how long the path slows, s.
+    fn alone_on_an_arc(period: f64) -> f64 {
+        let limits = Limits::<2> {
+            velocity: [300.0; 2],
+            acceleration: [3_000.0; 2],
+            jerk: [60_000.0; 2],
+        };
+        let arc = ArcDefinition {
+            start: [0.0; 2],
+            end: [100.0, 0.0],
+            plane: Plane::Xy,
+            centre: (50.0, 0.0),
+            clockwise: true,
+            turns: 1,
+        };
+        let mut planner = Planner::new(limits, [0.0; 2]);
+        let item = PathItem::Move(Move {
+            curve: Curve::arc(arc).unwrap(),
+            feed: Feed::Rate(200.0),
+            mode: PathControlMode::Stop,
+            tag: 0,
+        });
+        planner.push(item).unwrap();
+        planner.finish();
+        let mut executor = Executor::new([0.0; 2], period);
+        while let Some(command) = planner.pop() {
+            assert!(executor.accept(command));
+        }
+        while executor.cycle() as f64 * period < 0.5 {
+            executor.advance();
+        }
+        let (speed, ordered) = (executor.setpoint().speed, executor.cycle());
+        executor.feed_hold();
+        while executor.advance().speed > 0.999 * speed {}
+        (executor.cycle() - ordered) as f64 * period
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 40, failure_persistence: None, ..ProptestConfig::default() })]
+
+        /// However long a cycle is, a path that no planner helps to stop slows soon.
+        #[test]
+        fn a_stop_without_a_planner_begins_soon_whatever_the_cycle(period in 0.0005..0.02_f64) {
+            let after = alone_on_an_arc(period);
+            // 10 ms for the planner, 24 ms ahead and the first cycles of a stop.
+            prop_assert!(after <= 0.034 + 3.0 * period, "{after} s");
         }
     }
 }
