@@ -44,7 +44,10 @@ impl Curve {
     }
 
     fn cross(&mut self, mut crossing: Crossing) {
-        while let Some((held, extent)) = crossing.next(&self.normalised) {
+        for _ in 0..REGIONS {
+            let Some((held, extent)) = crossing.next(&self.normalised) else {
+                break;
+            };
             if extent > 0.0 {
                 let (plan, time) = (crossing.plan, crossing.plan.duration());
                 self.push(Region {

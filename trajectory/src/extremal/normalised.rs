@@ -4,7 +4,7 @@
 use super::regions::Crossing;
 use super::{
     BoundaryConditions, DISPLACEMENT_ROUNDING, Held, NormalisedProblem, Passage, Phases, Plan,
-    Reach, VELOCITY_ROUNDING,
+    REGIONS, Reach, VELOCITY_ROUNDING,
 };
 use crate::limits::Limits;
 
@@ -154,7 +154,10 @@ impl NormalisedProblem {
         }
         let mut crossing = begin();
         let mut at = self.reach(&crossing.plan);
-        while let Some((held, extent)) = crossing.next(self) {
+        for _ in 0..REGIONS {
+            let Some((held, extent)) = crossing.next(self) else {
+                break;
+            };
             let (gain, h) = self.growth(held, &crossing.plan, at.h).at(extent);
             let mut end = crossing;
             end.advance(self, held, extent);

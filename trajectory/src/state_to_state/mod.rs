@@ -75,8 +75,8 @@ pub struct Problem {
 /// Why there is no plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PlanError {
-    /// A state or a limit is not a finite number.
-    #[error("a state or a limit is not a finite number")]
+    /// A state or a limit is not a finite number, or what leads from one to the other is none.
+    #[error("a state, a limit or the plan that follows from them is not a finite number")]
     NotANumber,
     /// A limit leaves no room: each must be on its own side of zero.
     #[error("a limit of velocity, acceleration or jerk is zero or has the wrong sign")]
@@ -185,6 +185,10 @@ fn before(v: f64, a: f64, limits: &Limits) -> f64 {
 const TARGET_SLACK: f64 = 1e-13;
 
 /// The fastest plan of one axis that lasts at least `min_duration` (s).
+///
+/// Both to rounding: with limits like a machine's a stated duration, and the end, are met to some 1e-14; where limits lie
+/// decades apart, or next to nothing is travelled, a duration by some 1e-10 of itself, and the end of a plan of a stated
+/// duration not always to 1e-12. [`verify`](crate::verify) tells how well a plan does.
 pub fn plan(problem: &Problem, min_duration: f64) -> Result<Profile, PlanError> {
     problem.check()?;
     check_duration(min_duration)?;
@@ -192,6 +196,10 @@ pub fn plan(problem: &Problem, min_duration: f64) -> Result<Profile, PlanError> 
     let mut course = route.fastest()?;
     if route.duration(&course) < min_duration {
         course = route.no_shorter(min_duration)?;
+    }
+    // Limits hundreds of decades apart leave durations that no number can tell.
+    if !route.duration(&course).is_finite() {
+        return Err(PlanError::NotANumber);
     }
     Ok(route.profile(&course))
 }

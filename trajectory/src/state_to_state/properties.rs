@@ -98,3 +98,11 @@ proptest! {
         prop_assert!(verify::axis(&plan, &problem).holds(1e-10), "{:?}", verify::axis(&plan, &problem));
     }
 }
+
+/// Limits are any numbers above zero; a plan that no number can tell is refused.
+#[test]
+fn what_no_number_can_tell_is_refused() {
+    let limits = Limits::symmetric(8.97e129, 3.15e-291, 4.76e11);
+    let problem = Problem::new(State::at_rest(0.0), State::at_rest(1e130), limits);
+    assert_eq!(plan(&problem, 0.0).unwrap_err(), PlanError::NotANumber);
+}
