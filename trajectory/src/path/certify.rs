@@ -41,7 +41,7 @@ const CLOSE: f64 = 2e-5;
 /// 1/9√3: what a parabola through three points can be off, by the third derivative and h³.
 const BEND: f64 = 0.064_150_029_909_958_42;
 
-/// Upper bounds of what `segment` on `path_segment` asks of the axes at any instant.
+/// Upper bounds of what `segment` on `path_segment` asks of the axes at any instant; infinite for a segment that is none.
 ///
 /// On a line they are exact. On a curve: a function is no higher than the parabola through three samples
 /// a time h apart, and h³/9√3 of its third derivative. The third derivatives of velocity,
@@ -53,6 +53,24 @@ pub fn load<const N: usize>(
     path_segment: &PathSegment<N>,
     limits: &Limits<N>,
 ) -> Load {
+    // What is compared below drops what is no number.
+    let &JerkSegment {
+        duration,
+        distance,
+        speed,
+        acceleration,
+        jerk,
+    } = segment;
+    if ![duration, distance, speed, acceleration, jerk]
+        .into_iter()
+        .all(f64::is_finite)
+    {
+        return Load {
+            velocity: f64::INFINITY,
+            acceleration: f64::INFINITY,
+            jerk: f64::INFINITY,
+        };
+    }
     let mut top = segment.speed.max(segment.at(segment.duration).1);
     if segment.acceleration * segment.jerk < 0.0 {
         let turn = -segment.acceleration / segment.jerk;
@@ -232,5 +250,64 @@ pub(super) fn crest([before, here, after]: [f64; 3]) -> f64 {
         ends.max((here - 0.5 * slope * slope / bend).abs())
     } else {
         ends
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::path::Curve;
+
+    #[test]
+    fn what_is_no_number_is_beyond_every_limit() {
+        let limits = Limits {
+            velocity: [50.0; 2],
+            acceleration: [500.0; 2],
+            jerk: [5_000.0; 2],
+        };
+        let path_segment = PathSegment {
+            start: 0.0,
+            curve: Curve::line([0.0; 2], [10.0, 0.0]).unwrap(),
+            feed: 50.0,
+            turns: None,
+            speed: 50.0,
+            tag: 0,
+            waypoints: 0,
+        };
+        let sound = JerkSegment {
+            duration: 0.1,
+            distance: 0.0,
+            speed: 10.0,
+            acceleration: 1.0,
+            jerk: 2.0,
+        };
+        assert!(load(&sound, &path_segment, &limits).velocity < 1.0);
+        for broken in [
+            JerkSegment {
+                duration: f64::NAN,
+                ..sound
+            },
+            JerkSegment {
+                jerk: f64::NAN,
+                ..sound
+            },
+            JerkSegment {
+                speed: f64::NAN,
+                ..sound
+            },
+            JerkSegment {
+                acceleration: f64::INFINITY,
+                ..sound
+            },
+        ] {
+            let load = load(&broken, &path_segment, &limits);
+            let beyond = |part: f64| part.is_nan() || part > 1.0 + ROUNDING;
+            assert!(
+                [load.velocity, load.acceleration, load.jerk]
+                    .into_iter()
+                    .any(beyond),
+                "{load:?}"
+            );
+        }
     }
 }
