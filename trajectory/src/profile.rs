@@ -101,8 +101,8 @@ pub struct Profile {
 }
 
 impl Profile {
-    /// The most segments that any planner here makes: six that bring a start outside the limits
-    /// back into them, and two extremal plans of seven merged switch by switch.
+    /// More than the most segments that any planner here makes: six that bring a start outside the limits back into
+    /// them, two extremal plans of seven about a hold, and the two parts in which that settles.
     pub const CAPACITY: usize = 24;
 
     /// A profile that stays at `start` and takes no time.

@@ -1,6 +1,6 @@
 //! Certifies a plan without trusting the planner.
 //!
-//! Shares no arithmetic with it: a profile is integrated here in double-double arithmetic, and
+//! Shares nothing with it but double-double numbers: in those a profile is integrated here, and
 //! limits are compared at the exact extrema between switches, not at samples.
 
 use crate::double::Double;
@@ -33,15 +33,6 @@ impl Certificate {
     /// Whether both errors are at most `tolerance`.
     pub fn holds(&self, tolerance: f64) -> bool {
         self.end_error <= tolerance && self.limit_excess <= tolerance
-    }
-
-    /// The worse of both in each number.
-    pub fn worst(self, other: Certificate) -> Certificate {
-        Certificate {
-            end_error: self.end_error.max(other.end_error),
-            limit_excess: self.limit_excess.max(other.limit_excess),
-            path: self.path.max(other.path),
-        }
     }
 }
 
@@ -158,7 +149,7 @@ pub fn axis(profile: &Profile, problem: &Problem) -> Certificate {
 /// `max(length of the line, |p|)`.
 ///
 /// Every switch of any axis and, between switches, a few instants more are looked at: a deviation
-/// is a cubic there, and one that vanishes at enough instants vanishes throughout.
+/// is a cubic there, and one that vanishes at enough instants vanishes throughout. Infinite for more than sixteen axes.
 pub fn straightness(profiles: &[Profile], targets: &[State]) -> f64 {
     let distances = || profiles.iter().zip(targets).map(|(p, t)| t.p - p.start().p);
     // Without a distance the line is that of the greatest excursion.
@@ -169,10 +160,11 @@ pub fn straightness(profiles: &[Profile], targets: &[State]) -> f64 {
         .fold(length2.sqrt(), |s, (p, t)| {
             s.max(p.start().p.abs()).max(t.p.abs())
         });
-    let direction = |i: usize, reference: &[f64]| reference[i];
     let mut worst = 0.0_f64;
     let mut reference = [0.0; 16];
-    let n = profiles.len().min(reference.len());
+    if profiles.len() > reference.len() {
+        return f64::INFINITY;
+    }
     if length2 > 0.0 {
         for (r, d) in reference.iter_mut().zip(distances()) {
             *r = d / length2.sqrt();
@@ -194,16 +186,15 @@ pub fn straightness(profiles: &[Profile], targets: &[State]) -> f64 {
     }
     for profile in profiles {
         for t in instants(profile) {
-            let offset = |i: usize| exact_at(&profiles[i], t).p;
-            let mut along = Double::ZERO;
-            for i in 0..n {
-                along = along + offset(i) * direction(i, &reference).into();
-            }
-            let mut off2 = 0.0;
-            for i in 0..n {
-                let off = (offset(i) - along * direction(i, &reference).into()).value();
-                off2 += off * off;
-            }
+            let offsets = || {
+                let axes = profiles.iter().zip(reference);
+                axes.map(|(axis, part)| (exact_at(axis, t).p, Double::from(part)))
+            };
+            let along = offsets().fold(Double::ZERO, |along, (offset, part)| along + offset * part);
+            let off2: f64 = offsets()
+                .map(|(offset, part)| (offset - along * part).value())
+                .map(|off| off * off)
+                .sum();
             worst = worst.max(off2.sqrt());
         }
     }

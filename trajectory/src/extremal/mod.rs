@@ -120,7 +120,7 @@ struct Region {
     held: Held,
     plan: Plan,
     extent: f64,
-    /// Duration and displacement at the beginning.
+    /// Duration at the beginning.
     time: f64,
 }
 

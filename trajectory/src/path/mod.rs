@@ -8,7 +8,7 @@
 //! - [`planner`]: turns items into [`JerkSegment`]s of constant jerk along the path; whatever it has
 //!   handed over ends at rest,
 //! - [`executor`]: what the cycle calls: where every axis has to be at the path's own clock, and a
-//!   stop on the path at any instant,
+//!   stop on the path at any instant.
 //!
 //! What the planner is made of, in the order of its work:
 //!

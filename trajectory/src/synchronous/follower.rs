@@ -25,6 +25,10 @@
 //! The state of each setpoint is inside the limits, and the shortest stop from it ends before the thread's end: what
 //! would not is not gone to, but the stop to the thread's end begins there. A tap may go [a part of a lead](BEYOND)
 //! beyond, and what would go further is out of step.
+//!
+//! Back beyond the thread's beginning nothing here keeps the tool while no reversal is under way: a spindle that turns
+//! backwards takes it along. The controller's watch bounds that, which lets a spindle turn too slowly for some
+//! hundredths of a second only.
 
 use super::{AngleObserver, RippleLimits, Turning};
 use crate::limits::Limits;
@@ -180,6 +184,8 @@ fn turns_to_rest(reversal: &Profile, speed: f64) -> f64 {
 
 impl Follower {
     /// At rest at the beginning of a thread along which these limits hold, with a setpoint every `period` s.
+    ///
+    /// Of the limits the greatest values count, in both directions.
     pub fn new(thread: Thread, limits: Limits, period: f64) -> Self {
         Self {
             thread,
