@@ -36,7 +36,7 @@ pub use order::{Jog, JogError};
 
 use super::Setpoint;
 use crate::limits::{Limits, PositionLimits};
-use crate::profile::{Profile, State};
+use crate::profile::{Extrema, Profile, State};
 use crate::state_to_state::{self, Problem};
 
 /// Where an axis may be, and how it may move.
@@ -143,11 +143,18 @@ pub(super) struct Jogging<const N: usize> {
 /// A plan goes no further than it may if by rounding it goes further by less, mm.
 const ROUNDING: f64 = 1e-9;
 
-/// Whether a plan stays between two positions, but for rounding: its own, and that of positions so far out.
-fn stays(plan: &Profile, min: f64, max: f64) -> bool {
-    let range = plan.extrema().position;
+/// The jerk of a plan is inside its limits but for such a part of them.
+const JERK: f64 = 1e-9;
+
+/// Whether a plan stays between two positions, but for rounding: its own, and that of positions so far out. And whether it
+/// keeps the jerk, which no start forces it over: nobody certifies what a jog plans.
+fn stays(plan: &Profile, limits: &Limits, min: f64, max: f64) -> bool {
+    let Extrema { position, jerk, .. } = plan.extrema();
     let rounding = |p: f64| ROUNDING + 2.0 * f64::EPSILON * p.abs();
-    range.min >= min - rounding(range.min) && range.max <= max + rounding(range.max)
+    position.min >= min - rounding(position.min)
+        && position.max <= max + rounding(position.max)
+        && jerk.min >= limits.j_min * (1.0 + JERK)
+        && jerk.max <= limits.j_max * (1.0 + JERK)
 }
 
 /// Plans to a position that a cycle has time for, of up to sixteen axes; what is more begins a cycle later.
@@ -182,7 +189,7 @@ impl Travel {
         let rests = start.v == 0.0 && start.a == 0.0;
         let direct = state_to_state::plan(&problem, 0.0)
             .ok()
-            .filter(|plan| rests || stays(plan, bounds.min, bounds.max));
+            .filter(|plan| rests || stays(plan, &limits, bounds.min, bounds.max));
         Some(direct.map_or((stop, false), |plan| (plan, true)))
     }
 

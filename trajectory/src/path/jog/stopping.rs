@@ -35,7 +35,7 @@ impl Travel {
         // Where no plan lasts just so long the next one may last far longer.
         let goes_straight = |plan: &Profile| {
             plan.duration() <= lead.duration * (1.0 + LONGER)
-                && stays(plan, start.p.min(to), start.p.max(to))
+                && stays(plan, &self.limits, start.p.min(to), start.p.max(to))
         };
         plan.filter(goes_straight).unwrap_or(fastest)
     }

@@ -217,3 +217,25 @@ proptest! {
         prop_assert!(again.is_some_and(|(_, leads_there)| leads_there), "from {moving:?}");
     }
 }
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 20_000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// A rapid override that falls to a thousandth as an axis slows down: it is far outside its limits, and keeps its jerk.
+    #[test]
+    fn a_jog_slowed_to_a_thousandth_keeps_its_jerk(
+        (v, a, j) in (100.0..500.0_f64, 500.0..5_000.0_f64, 5e3..1e5_f64),
+        (start_v, start_a) in (0.0..1.0_f64, -1.0..1.0_f64),
+        (override_power, way_power) in (prop_oneof![Just(-3.0), -3.0..0.0_f64], -5.0..1.0_f64),
+    ) {
+        let limits = Limits::symmetric(v, a, j);
+        let travel = Travel { limits, bounds: PositionLimits { min: -1e6, max: 1e6 } };
+        let start = State { p: 0.0, v: start_v * v, a: start_a * a };
+        let goal = stop(start, limits).unwrap().end().p + 10.0_f64.powf(way_power);
+        let speed = v * 10.0_f64.powf(override_power);
+        let (plan, _) = travel.plan(start, Aim::At(goal), speed).unwrap();
+        let jerk = plan.extrema().jerk;
+        let most = j * (1.0 + 1e-9);
+        prop_assert!(jerk.max <= most && jerk.min >= -most, "{jerk:?} of {j}");
+    }
+}
