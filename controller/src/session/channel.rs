@@ -143,7 +143,9 @@ impl Inlet {
     /// What has come, a stop first; and why what a stop has overtaken is not to be done.
     pub(super) fn commands(&self) -> impl Iterator<Item = (Issued, Result<(), Refusal>)> {
         let stops = self.stops.try_iter().map(|issued| (issued, Ok(())));
-        let others = self.commands.try_iter().map(|Given { number, issued }| {
+        // Whoever goes on giving commands keeps nobody from what is behind them.
+        let others = self.commands.try_iter().take(COMMANDS);
+        let others = others.map(|Given { number, issued }| {
             let overtaken = number < self.given.last_stop.load(Ordering::SeqCst);
             match overtaken && issued.command.sets_going() {
                 true => (issued, Err(Refusal::Stopped)),

@@ -959,6 +959,7 @@ fn lost_steps_are_told_where_it_is_homed_again() {
                 panic!("{faults:?}");
             };
             assert!((difference - lost).abs() < 0.01, "{difference}, {lost}");
+            assert!(!rig.session.status().referenced[AxisLetter::W.index()]);
             go(&mut rig, Command::Reset);
             go(&mut rig, Command::Enable);
             go(&mut rig, home(AxisLetter::W));

@@ -173,7 +173,10 @@ fn a_box_and_a_cylinder_are_found() {
             let off = probe.clearance(tip(&contact.at)).abs();
             // Two axes of the last one move, each of which may be off by as much.
             let axes: f64 = if place == 7 { 2.0 } else { 1.0 };
-            assert!(off <= axes.sqrt() * contact.uncertainty, "{off} {contact:?}");
+            assert!(
+                off <= axes.sqrt() * contact.uncertainty,
+                "{off} {contact:?}"
+            );
             if contact.by == Captured {
                 assert!(off <= 2.0 * INCREMENT, "{off} {contact:?}");
             }
@@ -483,7 +486,7 @@ fn contact_that_nobody_looks_for_stops() {
         settle(&mut rig);
         assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
         // Each of the drives that the probe is wired to hears of it.
-        let mut told = rig.events[told..].iter();
+        let told = rig.events[told..].iter();
         assert_eq!(told.filter(|it| **it == Event::Touched).count(), 1);
         let x = rig.session.status().setpoint[0];
         assert!((-2.0..1.5).contains(&x), "{x}");

@@ -79,6 +79,8 @@ pub enum LostReference {
     Homes,
     /// Its homing was cut off.
     CutOff,
+    /// Homed again, it was elsewhere than where it believed to be.
+    Moved,
 }
 
 /// Why an axis that keeps its reference is not referenced when it is switched on.

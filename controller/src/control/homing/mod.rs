@@ -32,6 +32,7 @@ use super::{Controller, Event, Phase, Refusal, event_sink};
 use crate::machine::HomingMethod;
 use by_drive::ByDrive;
 use hard_stop::HardStop;
+use std::mem::replace;
 use std::sync::Arc;
 use switch::{Motion, Progress, Search, Seen};
 use syncline_gcode::AxisLetter;
@@ -654,8 +655,12 @@ impl<const N: usize> Controller<N> {
             {
                 // What it believed is wrong, and so may be what it takes for its reference now.
                 axis.forget_reference();
+                let why = LostReference::Moved;
+                self.tell(Event::Unreferenced { axis: index, why });
                 let fault = Fault::Axis(index, AxisCause::ReferenceMoved { difference });
-                outcome = outcome.and(Err(fault));
+                if let Err(other) = replace(&mut outcome, Err(fault)) {
+                    self.fail(other);
+                }
                 continue;
             }
             self.tell(Event::Referenced {
