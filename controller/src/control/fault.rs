@@ -617,6 +617,16 @@ impl Fault {
     }
 }
 
+/// Of an axis that was homed again, so far from where it believed to be.
+fn reference_moved(difference: f64, axis: &AxisSpec) -> String {
+    let AxisSpec { name, unit, .. } = axis;
+    format!(
+        "axis {name}: homed again, it was {difference:.4} {unit} beside where it believed to be, allowed {} {unit}: look for lost \
+         steps and for a coupling or belt that has slipped, check what was made since, and home it again",
+        axis.homing.reference_limit.unwrap_or(0.0)
+    )
+}
+
 impl AxisCause {
     fn describe(self, axis: &AxisSpec) -> String {
         let AxisSpec {
@@ -683,11 +693,7 @@ impl AxisCause {
                  lost steps, then check the `zero` of both",
                 axis.feedback.map_or(0.0, |feedback| feedback.difference)
             ),
-            Self::ReferenceMoved { difference } => format!(
-                "axis {name}: homed again, it was {difference:.4} {unit} beside where it believed to be, allowed {} {unit}: \
-                 look for lost steps and for a coupling or belt that has slipped, check what was made since, and home it again",
-                axis.homing.reference_limit.unwrap_or(0.0)
-            ),
+            Self::ReferenceMoved { difference } => reference_moved(difference, axis),
             Self::FollowingError { error, allowed } => format!(
                 "axis {name}: following error {error:.4} {unit}, allowed {allowed} {unit}: look for a \
                  blocked axis, a weak loop or too high limits"

@@ -382,25 +382,7 @@ impl fmt::Display for Summary {
             )?;
         }
         for axis in &self.axes {
-            writeln!(
-                f,
-                "axis {:<13} velocity {:.1} of {} {unit}/s, acceleration {:.0} of {} {unit}/s², jerk \
-                 {:.0} of {} {unit}/s³, following error max {:.4} rms {:.4} {unit}, greatest in {}",
-                axis.name,
-                axis.max_velocity,
-                axis.velocity_limit,
-                axis.max_acceleration,
-                axis.acceleration_limit,
-                axis.max_jerk,
-                axis.jerk_limit,
-                axis.max_following_error_mm,
-                axis.rms_following_error_mm,
-                axis.max_following_error_at,
-                unit = axis.unit
-            )?;
-            if let Some(moves) = &axis.positioning {
-                writeln!(f, "{:<18} {}", "", moves.told(axis.unit))?;
-            }
+            writeln!(f, "axis {:<13} {axis}", axis.name)?;
         }
         for drive in &self.drives {
             writeln!(f, "drive {:<12} {drive}", drive.name)?;
@@ -442,6 +424,31 @@ impl fmt::Display for Summary {
             writeln!(f, "frames SHA-256     {digest}")?;
         }
         Ok(())
+    }
+}
+
+/// As a person reads it, but for the name.
+impl fmt::Display for AxisSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "velocity {:.1} of {} {unit}/s, acceleration {:.0} of {} {unit}/s², jerk {:.0} of {} {unit}/s³, following \
+             error max {:.4} rms {:.4} {unit}, greatest in {}",
+            self.max_velocity,
+            self.velocity_limit,
+            self.max_acceleration,
+            self.acceleration_limit,
+            self.max_jerk,
+            self.jerk_limit,
+            self.max_following_error_mm,
+            self.rms_following_error_mm,
+            self.max_following_error_at,
+            unit = self.unit
+        )?;
+        match &self.positioning {
+            Some(moves) => write!(f, "\n{:<18} {}", "", moves.told(self.unit)),
+            None => Ok(()),
+        }
     }
 }
 

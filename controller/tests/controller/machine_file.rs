@@ -1112,6 +1112,36 @@ fn an_encoder_that_closes_a_loop_answers_each_sync() {
     );
 }
 
+/// 60 r/(min·s) of a TLC53x are 20 mm/s² of Y, and a stepper's 23 steps/s² of 10 000 a revolution 0.046 mm/s².
+#[test]
+fn an_axis_that_goes_to_targets_needs_ramps_that_its_drive_has() {
+    let of = |model: &str, acceleration: f64, motion: &str| {
+        let homed = "[axis.homing]\nkind = \"set_here\"\n\n[[axis]]\nname = \"Z\"\n";
+        let text = portal_with(
+            "node = 3\nmodel = \"lxm32m\"",
+            &format!("node = 3\nmodel = \"{model}\""),
+        );
+        let text = text
+            .replace("drive_following_error = true\n", "")
+            .replace("drive_soft_limits = true\n", "")
+            .replacen("[[axis]]\nname = \"Z\"\n", homed, 1);
+        let y = "drives = [\"Y\"]\n";
+        let (before, after) = text.split_once(y).unwrap();
+        let stated = format!("max_acceleration = {acceleration}");
+        let after = after.replacen("max_acceleration = 5000.0", &stated, 1);
+        parse(&format!("{before}{y}motion = \"{motion}\"\n{after}"))
+            .map_or_else(|wrong| wrong.to_string(), |_| String::new())
+    };
+    for (model, least) in [("tlc5xx", 20.0), ("tsp10", 0.046)] {
+        let told = format!("has no ramp below {least:.4} mm/s²");
+        let wrong = of(model, least * 0.99, "point_to_point");
+        assert!(wrong.contains(&told), "{wrong}");
+        assert_eq!(of(model, least * 1.01, "point_to_point"), "");
+    }
+    // Along the path the drive follows the plan, whatever its ramps are.
+    assert_eq!(of("tlc5xx", 19.0, "path"), "");
+}
+
 /// One that is sent velocities; every other one is refused with the reason.
 #[test]
 fn a_drive_may_answer_every_nth_sync() {
@@ -1151,7 +1181,6 @@ fn a_drive_may_answer_every_nth_sync() {
     }
     let y = "[[axis]]\nname = \"Y\"\n";
     let probe = "[[input]]\nname = \"probe\"\ndrive = \"Z\"\nsignal = \"DI0\"\nfunction = \"probe\"\n\n[[axis]]\nname = \"X\"\n";
-    let misses = "[[bus]]";
     for (model, divider, changes, told) in [
         (
             "lxm32m",
@@ -1177,7 +1206,7 @@ fn a_drive_may_answer_every_nth_sync() {
         (
             "tlc5xx",
             10,
-            &[(misses, "[controller]\nt_pdo_misses = 5\n[[bus]]")],
+            &[("[controller]\n", "[controller]\nt_pdo_misses = 5\n")],
             "it might be unseen for 50 cycles, more than 40",
         ),
         (
