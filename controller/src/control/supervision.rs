@@ -7,7 +7,7 @@
 
 use super::axis::AxisSample;
 use super::fault::AxisCause;
-use super::{Controller, Event, Fault, Goal, Phase, Reaction, Row, event_sink};
+use super::{Controller, Event, Fault, Goal, Phase, Reaction, Row, StopPoint, event_sink};
 use syncline_canopen::Instant;
 use syncline_drives::model::{PowerCommand, PowerState};
 
@@ -130,7 +130,10 @@ impl<const N: usize> Controller<N> {
                 .or(self.beside_path.line())
                 .or(self.threading.line())
             {
-                None => self.reached().and_then(|stop| stop.works_on()),
+                None => self.reached().and_then(|stop| match stop {
+                    StopPoint::Pause { line, .. } => self.pause_told.then_some(line),
+                    stop => stop.works_on(),
+                }),
                 line => line,
             },
             along: self.along_samples.since(self.cycle),

@@ -4,9 +4,7 @@ mod opening;
 mod searches;
 
 use super::feed::{feed, programmed_speed};
-use super::moves::{
-    MoveSource, ON_THE_PATH, ProgramMove, ProgramStop, Step, Upcoming, path_control_mode,
-};
+use super::moves::{MoveSource, ON_THE_PATH, ProgramMove, Step, Upcoming, path_control_mode};
 use super::threads::Threads;
 use super::{Entered, Left, Program, ProgramError, Scale, UserCodes, place};
 use crate::control::functions::SWITCHES;
@@ -556,8 +554,7 @@ impl Feeder {
             _ => stop.works_on().map(|line| (line, self.here)),
         };
         if let Some((line, place)) = rests {
-            let tag = self.tag;
-            (self.upcoming).tell(Step::Stop(ProgramStop { tag, line, place }));
+            (self.upcoming).tell_stop(self.tag, line, place, &self.interpreter);
         }
         if self.marks.len() == MOST_MARKS {
             self.marks.pop_front();

@@ -248,8 +248,9 @@ pub struct Upcoming {
     steps: Sender<Step>,
     /// As [`Moves`] has it, as long as there is one.
     first: Weak<AtomicU32>,
-    /// What was told last.
+    /// What was told last, and how often something was.
     modal: Option<ModalState>,
+    told: usize,
 }
 
 /// What is in effect in a block.
@@ -282,6 +283,8 @@ pub(super) struct ProgramStop {
     pub(super) line: u32,
     /// Where the program goes on, or begins the block anew.
     pub(super) place: Place,
+    /// How many modal states were told up to it, its own included.
+    told: usize,
 }
 
 impl Upcoming {
@@ -301,6 +304,25 @@ impl Upcoming {
         let modal = ModalState { modes, coordinates };
         self.tell(Step::Modal(tag, Box::new(modal.clone())));
         self.modal = Some(modal);
+        self.told += 1;
+    }
+
+    /// Tells that the path rests for a block in this line before the move with this tag, and what is in effect there.
+    pub(super) fn tell_stop(
+        &mut self,
+        tag: u32,
+        line: u32,
+        place: Place,
+        interpreter: &gcode::Interpreter,
+    ) {
+        self.tell_modal(tag, interpreter);
+        let told = self.told;
+        self.tell(Step::Stop(ProgramStop {
+            tag,
+            line,
+            place,
+            told,
+        }));
     }
 
     /// The tag of the first move that is not forgotten, if somebody follows the machine along the moves.
@@ -321,6 +343,8 @@ pub struct Moves {
     stops: VecDeque<ProgramStop>,
     /// Each with the tag of the first move that it is in effect in.
     modal: VecDeque<(u32, Box<ModalState>)>,
+    /// How many of those were passed.
+    passed: usize,
     begun: Option<(Position, Place)>,
 }
 
@@ -334,6 +358,7 @@ impl Moves {
             steps,
             first: Arc::downgrade(&first),
             modal: None,
+            told: 0,
         };
         let moves = Self {
             coming,
@@ -342,6 +367,7 @@ impl Moves {
             messages: VecDeque::new(),
             stops: VecDeque::new(),
             modal: VecDeque::new(),
+            passed: 0,
             begun: None,
         };
         (upcoming, moves)
@@ -399,10 +425,19 @@ impl Moves {
         self.moves.get(tag.checked_sub(self.first())? as usize)
     }
 
-    /// What has come into effect up to the move with this tag since this was asked last.
-    pub fn next_modal(&mut self, tag: u32) -> Option<ModalState> {
-        let come = self.modal.iter().take_while(|(from, _)| *from <= tag);
-        let come = come.count();
+    /// What has come into effect since this was asked last, up to the move with this tag, or up to the block in that line
+    /// that the path rests for there.
+    pub fn next_modal(&mut self, tag: u32, rests_for: Option<u32>) -> Option<ModalState> {
+        let stop = rests_for.and_then(|line| self.stop(tag, line));
+        let come = match stop {
+            Some(stop) => stop.told.saturating_sub(self.passed).min(self.modal.len()),
+            None => self
+                .modal
+                .iter()
+                .take_while(|(from, _)| *from <= tag)
+                .count(),
+        };
+        self.passed += come;
         let last = self.modal.drain(..come).next_back();
         last.map(|(_, modal)| *modal)
     }
@@ -413,15 +448,19 @@ impl Moves {
         self.begun
     }
 
-    /// Where the program is to be resumed that rests for a block in this line behind the move with this tag.
-    #[must_use]
-    pub fn resting(&self, tag: u32, line: u32) -> Option<Place> {
+    /// The stop for a block in this line behind the move with this tag, or before it if none has begun.
+    fn stop(&self, tag: u32, line: u32) -> Option<&ProgramStop> {
         let of_line = |tag: u32| {
             let mut stops = self.stops.iter();
             stops.find(move |stop| stop.tag == tag && stop.line == line)
         };
-        let stop = of_line(tag + 1).or_else(|| of_line(tag))?;
-        Some(stop.place)
+        of_line(tag + 1).or_else(|| of_line(tag))
+    }
+
+    /// Where the program is to be resumed that rests for a block in this line behind the move with this tag.
+    #[must_use]
+    pub fn resting(&self, tag: u32, line: u32) -> Option<Place> {
+        self.stop(tag, line).map(|stop| stop.place)
     }
 
     /// A program goes on behind the probing or homing in this line that it rested for behind the move with this tag: where it

@@ -27,6 +27,8 @@ pub(super) struct Job {
     pub(super) tags: Option<RangeInclusive<u32>>,
     /// Of the moves at the last rows, the newest first.
     last: [u32; ROWS_BEHIND],
+    /// The path has moved.
+    has_moved: bool,
     /// The path has rested for a block since it moved.
     rested: bool,
     /// The line of the block that the path rests for.
@@ -47,6 +49,7 @@ impl Job {
             modal: None,
             tags: None,
             last: [0; ROWS_BEHIND],
+            has_moved: false,
             rested: false,
             rests_for: None,
             behind: None,
@@ -77,6 +80,7 @@ impl Job {
 
     /// The program waits for an operator, for a block in this line.
     pub(super) fn pauses(&mut self, line: u32) {
+        (self.line, self.rested) = (line, true);
         self.rests_for = Some(line);
     }
 
@@ -114,14 +118,20 @@ impl Job {
             return false;
         }
         self.last[0] = tag;
-        let modal = self.moves.next_modal(tag).filter(|_| !self.over);
-        let changes = modal.is_some();
-        self.modal = modal.or(self.modal.take());
-        self.moves.passed(tag.saturating_sub(KEPT));
+        self.has_moved |= tag > 0 || row.plan.speed > 0.0;
         // Until it moves on, what it rested for was the last block.
         let rests = row.plan.speed == 0.0 && self.last[1] == tag;
         self.rested &= rests;
         self.rests_for = self.rests_for.filter(|_| rests);
+        // Before it first moves, the first move is at work no more than any other.
+        let modal = match self.has_moved || self.rests_for.is_some() {
+            true => self.moves.next_modal(tag, self.rests_for),
+            false => None,
+        };
+        let modal = modal.filter(|_| !self.over);
+        let changes = modal.is_some();
+        self.modal = modal.or(self.modal.take());
+        self.moves.passed(tag.saturating_sub(KEPT));
         if let Some(motion) = self.moves.motion(tag) {
             if !self.rested {
                 self.line = motion.line;

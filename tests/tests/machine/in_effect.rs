@@ -4,7 +4,7 @@
 use super::day::{go, positions, ready_with, settle, state};
 use proptest::prelude::*;
 use syncline_controller::control::State;
-use syncline_controller::session::Command;
+use syncline_controller::session::{Command, SwitchChange};
 use syncline_gcode::AxisLetter;
 use syncline_tests::rig::Rig;
 
@@ -135,6 +135,65 @@ proptest! {
         let own = blocks.iter().rev().find(|it| it.system == 54);
         let origin = own.map_or(tool, |it| it.origin[2] + tool);
         prop_assert!((status.offset[2] - origin).abs() < 1e-2, "{:?} for {}", status.offset, origin);
+    }
+}
+
+/// Something that an operator ends, with the codes in front of it, and moves in between.
+#[derive(Clone, Debug)]
+struct Rest {
+    system: u32,
+    feed: u32,
+    stop: &'static str,
+    /// Ends of moves behind it, in another work offset.
+    moves: Vec<f64>,
+}
+
+fn rest_of() -> impl Strategy<Value = Rest> {
+    let stop = prop::sample::select(vec!["M0", "M1", "T2 M6", "T3 M6", "G4 P0.05 M0"]);
+    let moves = prop::collection::vec(10.0..90.0_f64, 0..3);
+    (54..57u32, 3000..9000u32, stop, moves).prop_map(|(system, feed, stop, moves)| Rest {
+        system,
+        feed,
+        stop,
+        moves,
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+
+    /// Whatever moves before and behind it, or nothing yet: at a stop its own line is shown, and what is in effect in it.
+    #[test]
+    fn a_stop_shows_its_own_block(rests in prop::collection::vec(rest_of(), 1..6)) {
+        let mut rig = ready_with(&[]);
+        rig.goes_on = false;
+        rig.command(Command::OptionalStop(SwitchChange::Toggle));
+        let mut lines = Vec::new();
+        let mut shown = Vec::new();
+        for rest in &rests {
+            lines.push(format!("G{} F{}", rest.system, rest.feed));
+            lines.push(rest.stop.to_owned());
+            shown.push((lines.len() as u32, rest));
+            lines.push(format!("G{} F100", rest.system + 1));
+            lines.extend(rest.moves.iter().map(|to| format!("G1 X{to:.3} Y{:.3} F9000", to / 2.0)));
+        }
+        let program = lines.join("\n") + "\nM2\n";
+        let file = rig.folder.file("part.ngc", &program);
+        rig.command(Command::Load(file));
+        settle(&mut rig);
+        go(&mut rig, Command::Run { from_line: None });
+        for (line, rest) in shown {
+            prop_assert_eq!(state(&rig), State::Held, "{}{:?}", program, rig.problems);
+            let status = rig.session.status();
+            prop_assert_eq!(status.line, line, "{}", program);
+            let tool = rest.stop.strip_suffix(" M6");
+            for code in [format!("G{}", rest.system), format!("F{}", rest.feed)].iter().map(String::as_str).chain(tool) {
+                let is_shown = status.modes.split(' ').any(|it| it == code);
+                prop_assert!(is_shown, "{} at {}: {}\n{}", code, line, status.modes, program);
+            }
+            go(&mut rig, Command::CycleStart);
+        }
+        prop_assert_eq!(state(&rig), State::Ready, "{}{:?}", program, rig.problems);
     }
 }
 
