@@ -4,7 +4,7 @@ use std::fmt;
 use std::time::Duration;
 
 use super::arc::Arc;
-use super::axes::{AxisSet, Point};
+use super::axes::{AxisLetter, AxisSet, Point};
 use super::lexer::Columns;
 use super::spline::Spline;
 
@@ -137,6 +137,34 @@ impl Action {
             Action::Spline { spline, .. } => Some(spline.to),
             _ => None,
         }
+    }
+
+    /// Where it leads the machine, also where it comes back from there.
+    pub fn leads_to(&self) -> Option<Point> {
+        match self {
+            Action::Tap { to, .. } => Some(*to),
+            action => action.destination(),
+        }
+    }
+
+    /// The same with an axis at this coordinate wherever it begins and leads.
+    #[must_use]
+    pub fn with_axis_at(mut self, axis: AxisLetter, at: f64) -> Self {
+        let points = match &mut self {
+            Action::Rapid { to }
+            | Action::Feed { to, .. }
+            | Action::Thread { to, .. }
+            | Action::Tap { to, .. }
+            | Action::Probe { to, .. }
+            | Action::Home { to, .. } => [Some(to), None],
+            Action::Arc { arc, .. } => [Some(&mut arc.from), Some(&mut arc.to)],
+            Action::Spline { spline, .. } => [Some(&mut spline.from), Some(&mut spline.to)],
+            _ => [None, None],
+        };
+        for point in points.into_iter().flatten() {
+            point[axis] = at;
+        }
+        self
     }
 }
 

@@ -11,7 +11,7 @@ use super::tables::Tables;
 
 /// What lives from one program to the next. `Default` is a machine that was just switched on: the
 /// modal state of [`Modes`], no tool, no parameters set.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Memory {
     pub(crate) modes: Modes,
     pub(crate) tool_offset: Point,

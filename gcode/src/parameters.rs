@@ -33,7 +33,7 @@ pub(crate) fn index(value: f64) -> Result<usize, Fault> {
 }
 
 /// The parameters' values.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Parameters {
     numbered: Vec<f64>,
     globals: BTreeMap<String, f64>,

@@ -14,7 +14,7 @@ use super::modal::{Code, Group, Modes};
 use super::words::Words;
 
 /// The modal state as M70 or M73 found it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct SavedModes {
     modes: Modes,
     tool_offset: Point,

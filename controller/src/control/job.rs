@@ -23,6 +23,8 @@ pub struct Job {
     pub waits_for_input: bool,
     /// The axes that need not be referenced where it begins, as it homes them before it moves any.
     pub homes_first: AxisSet,
+    /// Axes that it leaves where they are, and for which it does the same wherever that is: nothing is asked of them.
+    pub leaves: AxisSet,
 }
 
 /// What a job is.
@@ -54,6 +56,7 @@ impl Job {
         kind: JobKind::Program,
         waits_for_input: false,
         homes_first: AxisSet::NONE,
+        leaves: AxisSet::NONE,
     };
 }
 

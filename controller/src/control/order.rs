@@ -255,15 +255,21 @@ impl<const N: usize> Controller<N> {
                 .is_some_and(|&it| job.homes_first.contains(it)),
             _ => false,
         };
+        let leaves = |at: usize| match order {
+            Order::Begin(job) => AxisLetter::ALL
+                .get(at)
+                .is_some_and(|&it| job.leaves.contains(it)),
+            _ => false,
+        };
         let needs = |at: usize| match order {
             Order::Begin(_) | Order::TakeUp(_) => {
-                !self.layout.homing.unreferenced_jobs && !homes(at)
+                !self.layout.homing.unreferenced_jobs && !homes(at) && !leaves(at)
             }
             Order::Jog(Jog::To(to) | Jog::Line { to, .. }) => to[at].is_some(),
             _ => false,
         };
         let moves = |at: usize| match order {
-            Order::Begin(_) | Order::TakeUp(_) => !homes(at),
+            Order::Begin(_) | Order::TakeUp(_) => !homes(at) && !leaves(at),
             Order::Jog(Jog::Continuous { axis, .. } | Jog::Step { axis, .. }) => *axis == at,
             _ => needs(at),
         };

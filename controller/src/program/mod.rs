@@ -41,7 +41,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
-use syncline_gcode::{self as gcode, Action, AxisSet, Interpreter, Tables, TablesError};
+use syncline_gcode::{
+    self as gcode, Action, AxisLetter, AxisSet, Interpreter, Tables, TablesError,
+};
 use syncline_trajectory::path::{CurveError, Limits, PathError, Retraction};
 use syncline_trajectory::sampled::Sampled;
 use threads::Threads;
@@ -265,7 +267,7 @@ pub enum ProgramError {
         /// File, line and column.
         place: String,
         /// The axis.
-        axis: gcode::AxisLetter,
+        axis: AxisLetter,
     },
     /// The axes cannot cut a thread.
     #[error("{place}: no thread: {source}")]
@@ -666,7 +668,7 @@ impl Program {
     fn homed_from(&self, start: Position) -> Option<(AxisSet, Option<Tables>)> {
         let (mut interpreter, entry) = self.interpret(start).ok()?;
         let begins_at = entry.map_or(start, |entry| entry.at.0);
-        let rests = |axis: &gcode::AxisLetter| begins_at[axis.index()] == start[axis.index()];
+        let rests = |axis: &AxisLetter| begins_at[axis.index()] == start[axis.index()];
         let mut homed = AxisSet::NONE;
         while let Some(Ok(command)) = interpreter.next() {
             match command.action {
@@ -689,6 +691,49 @@ impl Program {
         }
         let rests = self.setup.axes.iter().all(|axis| rests(&axis));
         Some((homed, rests.then(|| interpreter.tables().clone())))
+    }
+
+    /// Of the axes that are `asked` about those that it leaves where they are, at a machine that stands `here`, and for
+    /// which it does the same wherever that is.
+    #[must_use]
+    pub fn leaves(&self, here: &Position, asked: impl Fn(AxisLetter) -> bool) -> AxisSet {
+        let axes = self.setup.axes.iter().filter(|axis| asked(*axis));
+        axes.filter(|&axis| self.leaves_axis(axis, here).unwrap_or(false))
+            .collect()
+    }
+
+    /// Whether it leaves an axis where it is and does the same if that is elsewhere; `None` for what cannot be said of a
+    /// program before it runs.
+    fn leaves_axis(&self, axis: AxisLetter, here: &Position) -> Option<bool> {
+        let mut elsewhere = *here;
+        elsewhere[axis.index()] += 1.0;
+        let starts = [*here, elsewhere].map(gcode::Point);
+        let (mut one, _) = self.interpret(*here).ok()?;
+        let (mut other, _) = self.interpret(elsewhere).ok()?;
+        loop {
+            let actions = match (one.next(), other.next()) {
+                (None, None) => break,
+                (Some(it), Some(also)) => [it.ok()?.action, also.ok()?.action],
+                _ => return None,
+            };
+            if let [Action::Home { axes, to }, Action::Home { to: also, .. }] = actions {
+                if axes.contains(axis) {
+                    return Some(false);
+                }
+                one.homed(to);
+                other.homed(also);
+            }
+            let mut stays = actions.iter().zip(starts).map(|(action, start)| {
+                (action.leads_to()).is_none_or(|to| to[axis] == start[axis])
+            });
+            let [it, also] = actions.clone().map(|action| action.with_axis_at(axis, 0.0));
+            if !stays.all(|stays| stays) || it != also {
+                return Some(false);
+            }
+        }
+        let knows = !one.awaits_machine() && !other.awaits_machine();
+        let leaves = one.tables() == other.tables() && one.memory() == other.memory();
+        knows.then_some(leaves)
     }
 
     /// Whether somebody said that nobody wants the program any more.

@@ -207,6 +207,12 @@ impl Jobs {
                 // No question of it, which would take to read a program up to where it is resumed.
                 false => AxisSet::NONE,
             },
+            leaves: match kind {
+                JobKind::Mdi => {
+                    program.leaves(&status.setpoint, |axis| !status.referenced[axis.index()])
+                }
+                JobKind::Program => AxisSet::NONE,
+            },
         };
         let order = match kind {
             JobKind::Program if status.state == State::Held => Order::TakeUp(job),

@@ -1,5 +1,6 @@
 //! Axes that have to be homed: from switching on to a program, by each kind and through each failure.
 
+use super::day::positions;
 use proptest::prelude::*;
 use syncline_controller::control::fault::AxisCause;
 use syncline_controller::control::{
@@ -539,6 +540,56 @@ fn one_switch_of_two_axes_says_nothing_while_it_is_on() {
     assert!(!is_referenced(&rig, AxisLetter::Y));
 }
 
+/// What a typed line neither moves nor goes by need not be referenced.
+#[test]
+fn a_typed_line_asks_only_of_the_axes_that_it_moves() {
+    let mut rig = switched_on(&[]);
+    go(&mut rig, home(AxisLetter::X));
+    let mdi = |rig: &mut Rig, line: &str| go(rig, Command::Mdi(line.to_owned()));
+    for line in [
+        "G0 X5",
+        "G91 G1 X2 F600",
+        "G90",
+        "G10 L20 P2 X0",
+        "#1 = [#<_x> + 1]",
+        "G1 X#1",
+    ] {
+        mdi(&mut rig, line);
+        assert_eq!(refusals(&rig), [], "{line}");
+        assert_eq!(state(&rig), State::Ready, "{line}: {:?}", rig.events);
+    }
+    let at = |axis: AxisLetter| rig.session.status().setpoint[axis.index()];
+    assert!(
+        (at(AxisLetter::X) - 8.0).abs() < 1e-6,
+        "{}",
+        at(AxisLetter::X)
+    );
+    let offset = positions([(AxisLetter::X, 3.0)]);
+    go(&mut rig, Command::SetWorkOffset(offset));
+    assert_eq!(refusals(&rig), []);
+    for (count, line) in (1..).zip([
+        "G0 X4 Y1",
+        "G53 G0 Z0",
+        "G28.1",
+        "G92 Y0",
+        "G10 L20 P1 Z0",
+        "#1 = #5022",
+        "G0 X[4 + #<_z> / 100]",
+        "o1 if [#<_abs_y> LT 1000]\nM0\no1 endif\nG28",
+    ]) {
+        mdi(&mut rig, line);
+        assert_eq!(refusals(&rig).len(), count, "{line}: {:?}", rig.events);
+        let is_unreferenced =
+            matches!(refusals(&rig)[count - 1], OrderRefusal::Unreferenced(1 | 2));
+        assert!(is_unreferenced, "{line}: {:?}", refusals(&rig));
+    }
+    // Turned, a move in X is one of Y.
+    mdi(&mut rig, "G10 L2 P1 R30");
+    assert_eq!(refusals(&rig).len(), 8);
+    mdi(&mut rig, "G0 X4");
+    assert_eq!(refusals(&rig).len(), 9);
+}
+
 #[test]
 fn a_drive_that_was_without_supply_is_homed_again() {
     let mut rig = switched_on(&[]);
@@ -572,7 +623,7 @@ fn a_drive_that_was_without_supply_is_homed_again() {
     if state(&rig) == State::Faulted {
         go(&mut rig, Command::Reset);
     }
-    go(&mut rig, Command::Mdi("G0 X1".to_owned()));
+    go(&mut rig, Command::Mdi("G0 Y1".to_owned()));
     assert_eq!(
         refusals(&rig),
         [OrderRefusal::Unreferenced(AxisLetter::Y.index())]

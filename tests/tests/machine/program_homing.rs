@@ -102,7 +102,7 @@ fn what_a_program_does_not_home_first_has_to_be_referenced() {
     }
     let refused = rig.refused.len();
     go(&mut rig, Command::Mdi("G28.2 X0\nG10 L20 P1 Y0".to_owned()));
-    go(&mut rig, Command::Mdi("G0 X10".to_owned()));
+    go(&mut rig, Command::Mdi("G0 X10 Y1".to_owned()));
     assert_eq!(rig.refused.len(), refused + 2);
     go(&mut rig, Command::Mdi("G28.2 Y0\nG0 Y10".to_owned()));
     assert_eq!(rig.refused.len(), refused + 2);

@@ -126,7 +126,7 @@ fn a_reference_that_does_not_hold_is_told_and_forgotten() {
     let mut rig = second_day(&state, 210.0, 135.0);
     assert!(moved(&not_recalled(&rig)), "{:?}", not_recalled(&rig));
     assert!(is_referenced(&rig, AxisLetter::X) && !is_referenced(&rig, AxisLetter::Y));
-    go(&mut rig, Command::Mdi("G0 X1".to_owned()));
+    go(&mut rig, Command::Mdi("G0 Y1".to_owned()));
     let reasons: Vec<_> = rig.refused.iter().map(|refused| &refused.reason).collect();
     assert!(
         matches!(
