@@ -118,7 +118,6 @@ impl Parameters {
         for (parameter, argument) in own.iter_mut().zip(arguments) {
             *parameter = *argument;
         }
-        self.result = None;
         caller
     }
 

@@ -337,3 +337,11 @@ fn deleted_blocks_end_no_branch() {
     let program = "M98 P7\nM2\n/O7\nG0 X1\nM99\nO7\nG0 X2\nM99";
     assert_eq!(x(program, true), [2.0]);
 }
+
+/// What the last subroutine returned is known until the next one returns, in that one too.
+#[test]
+fn a_call_keeps_what_was_returned_before() {
+    let program = "o1 sub\no1 endsub [42]\no2 sub\nG0 X#<_value> Y#<_value_returned>\no2 endsub\n\
+                   o1 call\no2 call\nG0 X[1 + #<_value>] Y[2 + #<_value_returned>]\nM2\n";
+    assert_eq!(places(xyz(), program), [[42.0, 1.0, 0.0], [1.0, 2.0, 0.0]]);
+}
