@@ -741,7 +741,9 @@ impl Event {
                     LostReference::DriveGone => "as its drive was gone: home it",
                     LostReference::Homes => "while its drive homes",
                     LostReference::CutOff => "as its homing was cut off: home it",
-                    LostReference::Moved => "as it was elsewhere than where it believed to be: home it",
+                    LostReference::Moved => {
+                        "as it was elsewhere than where it believed to be: home it"
+                    }
                 };
                 format!("axis {name} is not referenced any more, {why}")
             }
