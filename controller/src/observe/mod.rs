@@ -12,6 +12,7 @@
 //! - `drives`: torque and speed of simulated drives, skew and torque fight of gantries
 //! - [`travel`]: how far the tool has come along the program, and for how long it moved
 //! - [`places`]: where a run was worst
+//! - `positioning`: what axes did that go point to point
 //! - [`provenance`]: where a result is from
 //! - [`operations`]: what the time of motion went into, by tool and by operation
 //! - `fourier`: spectra of stretches of rows; `kept`: the first of what there may be any number of
