@@ -325,7 +325,7 @@ fn each_side_of_a_gantry_needs_its_switch() {
         // What docs/supervision.md states, at the search's 80 mm/s.
         let limits = &rig.machine.axes[0].limits;
         let cycle = rig.machine.cycle.as_secs_f64();
-        let stated = limits.skew.unwrap() + 3.0 * cycle * 80.0 + 3200.0 / limits.acceleration;
+        let stated = limits.skew.unwrap() + 4.0 * cycle * 80.0 + 3200.0 / limits.acceleration;
         assert!(apart.abs() < stated + 0.02, "{apart} of {stated}");
     }
 }
@@ -729,6 +729,11 @@ fn mechanics(seed: u64) -> String {
     }
 }
 
+/// How far friction may have the sides rest from where their loops want them, mm.
+fn held_by_friction(seed: u64) -> f64 {
+    if seed % 3 == 0 { 0.0 } else { 0.001 }
+}
+
 /// Takes X square from 3 mm, either way, over speeds of the approach, noise and mechanics: `judge` is told the speed,
 /// what is left, what was told to be taken out and how sure that was, and what it really was, mm. Skew beside what is
 /// planned stays below `skew`.
@@ -760,7 +765,8 @@ fn a_gantry_is_taken_square_by_captured_edges_at_any_speed() {
             assert!(off.abs() < 5.0 * INCREMENT, "{seed}: {told} of {begin}");
             let sure = 2.0 * INCREMENT + slow_speed * 11e-6;
             assert!(uncertainty < sure, "{seed}: {uncertainty}");
-            assert!(left.abs() < 2.0 * INCREMENT, "{seed}: {left}");
+            let most = 2.0 * INCREMENT + held_by_friction(seed);
+            assert!(left.abs() < most, "{seed}: {left}");
         },
     );
 }
@@ -772,7 +778,8 @@ fn a_gantry_is_taken_square_by_its_switches() {
         0.5,
         |seed, slow_speed, left, (told, _), begin| {
             // Either edge is off by half of what the axis moves in a cycle, and by an increment.
-            assert!(left.abs() < slow_speed * 0.002 + 0.001, "{seed}: {left}");
+            let most = slow_speed * 0.002 + 0.001 + held_by_friction(seed);
+            assert!(left.abs() < most, "{seed}: {left}");
             let off = told - begin;
             assert!(off.abs() < slow_speed * 0.002 + 0.002, "{seed}: {off}");
         },
