@@ -1,6 +1,7 @@
 //! Axes that have to be homed: from switching on to a program, by each kind and through each failure.
 
 use super::day::positions;
+use super::skew::braking;
 use proptest::prelude::*;
 use syncline_controller::control::fault::AxisCause;
 use syncline_controller::control::{
@@ -325,8 +326,8 @@ fn each_side_of_a_gantry_needs_its_switch() {
         // What docs/supervision.md states, at the search's 80 mm/s.
         let limits = &rig.machine.axes[0].limits;
         let cycle = rig.machine.cycle.as_secs_f64();
-        let stated = limits.skew.unwrap() + 4.0 * cycle * 80.0 + 3200.0 / limits.acceleration;
-        assert!(apart.abs() < stated + 0.02, "{apart} of {stated}");
+        let stated = limits.skew.unwrap() + 4.0 * cycle * 80.0 + 3200.0 / braking(&rig);
+        assert!(apart.abs() < stated + 0.1, "{apart} of {stated}");
     }
 }
 
@@ -700,10 +701,13 @@ pub(super) fn squared(rig: &mut Rig, limit: f64) -> f64 {
         );
     }
     assert!(is_referenced(rig, AxisLetter::X), "{:?}", failure(rig));
-    for _ in 0..200 {
+    // Their loops have the sides move by what their encoders' noise is.
+    let (mut sum, samples) = (0.0, 1000);
+    for _ in 0..samples {
         rig.step();
+        sum += apart(rig);
     }
-    apart(rig)
+    sum / f64::from(samples)
 }
 
 /// An increment of the router's X, mm: 20 mm a turn.
@@ -716,7 +720,7 @@ fn mechanics(seed: u64) -> String {
     match seed % 3 {
         0 => String::new(),
         1 => {
-            let (stiffness, friction) = (20.0 + 80.0 * part(4), 60.0 * part(5));
+            let (stiffness, friction) = (20.0 + 80.0 * part(4), 20.0 * part(5));
             format!("transmission = \"screw\"\nstiffness = {stiffness:?}\nfriction = {friction:?}")
         }
         _ => {
@@ -731,7 +735,7 @@ fn mechanics(seed: u64) -> String {
 
 /// How far friction may have the sides rest from where their loops want them, mm.
 fn held_by_friction(seed: u64) -> f64 {
-    if seed % 3 == 0 { 0.0 } else { 0.001 }
+    if seed.is_multiple_of(3) { 0.0 } else { 0.001 }
 }
 
 /// Takes X square from 3 mm, either way, over speeds of the approach, noise and mechanics: `judge` is told the speed,

@@ -284,7 +284,7 @@ proptest! {
     #[test]
     fn a_wrong_line_in_a_hold_changes_nothing(
         codes in prop::sample::subsequence(vec!["G55", "G18", "G61", "G91.1", "G52 X1", "G92 Y3", "S300"], 0..=7),
-        wrong in prop::collection::vec(select(vec!["G1 X", "G1 X9999 F100", "Q1", "G0 X[1/0]", "G2 X1 Y1 R0", "T9999 M6"]), 1..4),
+        wrong in prop::collection::vec(select(vec!["G1 X", "G1 X9999 F100", "Q1", "G0 X[1/0]", "G2 X1 Y1 R0"]), 1..4),
         disables: bool,
     ) {
         let program = format!("G10 L2 P2 X10 Y5\nG21 G90 F1200\n{}\nG1 X60 Y20\nX61\nM0\nG1 X62\nM2\n", codes.join("\n"));
@@ -303,7 +303,15 @@ proptest! {
         }
         let mut to = [None; 9];
         to[0] = Some(here + 5.0);
-        go(&mut rig, Command::GoTo(to));
+        rig.command(Command::GoTo(to));
+        for _ in 0..20 {
+            rig.step();
+        }
+        prop_assert!(rig.refused.is_empty(), "{:?}", rig.refused);
+        rig.run_until(|rig| rig.rows.last().is_some_and(|row| row.plan.velocity == [0.0; 9]));
+        for _ in 0..100 {
+            rig.step();
+        }
         let at = rig.session.status().work_position()[0];
         prop_assert!((at - here - 5.0).abs() < 0.02, "{at} behind {here}");
         if disables {

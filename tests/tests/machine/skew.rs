@@ -6,6 +6,12 @@ use syncline_controller::control::{Event, State};
 use syncline_drives::twin::Disturbance;
 use syncline_tests::rig::Rig;
 
+/// How an LXM32M brakes in a quick stop, 3006h:12 as it is delivered, mm/s².
+pub(super) fn braking(rig: &Rig) -> f64 {
+    let travel = rig.machine.drives[0].scaling.travel_per_revolution();
+    6000.0 / 60.0 * travel.abs()
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 32, ..ProptestConfig::default() })]
 
@@ -25,19 +31,20 @@ proptest! {
         for _ in 0..2 * cycles {
             rig.step();
         }
-        let fastest = rig.session.status().velocity[0];
-        prop_assume!(rig.end().is_none() && fastest > 0.0);
+        prop_assume!(rig.end().is_none() && rig.session.status().velocity[0] > 0.0);
         rig.twin(held).disturb(Disturbance::Block(true));
-        let (mut apart, mut fastest) = (0.0_f64, fastest);
+        let (mut apart, mut fastest) = (0.0_f64, 0.0_f64);
         while rig.step() {
             apart = apart.max((truth(&mut rig, 1) - truth(&mut rig, 0)).abs());
             fastest = fastest.max(rig.session.status().velocity[0]);
         }
         let axis = &rig.machine.axes[0].limits;
         let cycle = rig.machine.cycle.as_secs_f64();
-        let stated = limit + 4.0 * cycle * fastest + fastest * fastest / (2.0 * axis.acceleration);
-        // A side stands beside its setpoint by what its loop leaves.
-        prop_assert!(apart <= stated + 0.02, "{} of {} at {} mm/s", apart, stated, fastest);
+        // What is on its way to the drives as they are quick-stopped may be faster.
+        fastest = (fastest + 2.0 * cycle * axis.acceleration).min(axis.velocity);
+        let stated = limit + 4.0 * cycle * fastest + fastest * fastest / (2.0 * braking(&rig));
+        // Its loop overshoots as it stops.
+        prop_assert!(apart <= stated + 0.1, "{} of {} at {} mm/s", apart, stated, fastest);
         let fault = rig.events.iter().find(|event| matches!(event, Event::Fault(_)));
         prop_assert!(fault.is_some(), "{:?}", rig.events);
     }

@@ -198,6 +198,8 @@ fn nothing_moves_an_axis_before_its_test_move() {
     assert!(is_referenced(&rig, AxisLetter::X) && !is_referenced(&rig, AxisLetter::Y));
     go(&mut rig, step);
     go(&mut rig, Command::Mdi("G1 X1 F60".into()));
+    assert_eq!(rig.refused.len(), 2, "it leaves Y where it is");
+    go(&mut rig, Command::Mdi("G1 Y1 F60".into()));
     assert_eq!(refusals(&rig)[2..], [OrderRefusal::Untested(Y)]);
     go(&mut rig, ALL);
     go(&mut rig, Command::Mdi("G1 X1 Y1 F60".into()));
