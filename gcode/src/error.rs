@@ -111,6 +111,8 @@ pub enum Fault {
     Character(char),
     #[error("a comma is no decimal point: write `{0}`")]
     Comma(String),
+    #[error("a number has one point at most, before its decimals, and no commas: write it so")]
+    Commas,
     #[error("`{0}` is not a number: digits with at most one point, and not beyond 1e308")]
     Number(String),
     #[error("the comment has no end: add `)`")]

@@ -123,13 +123,13 @@ impl Tokens {
                 '=' => Kind::Equals,
                 '%' => Kind::Percent,
                 other => {
-                    return Err(Refusal::new(
-                        Columns {
-                            start,
-                            end: start + 1,
-                        },
-                        Fault::Character(other),
-                    ));
+                    // Without a number before it: `X,5`.
+                    let decimals = (other == ',').then(|| cursor.decimals()).flatten();
+                    let fault = match decimals {
+                        Some(decimals) => comma("0", &decimals),
+                        None => Fault::Character(other),
+                    };
+                    return Err(Refusal::new(cursor.since(start), fault));
                 }
             };
             self.push(kind, start, cursor.column);
@@ -164,9 +164,9 @@ impl Tokens {
         }
         // Blanks behind the last digit are not the number's.
         *cursor = behind;
-        if !point && let Some(decimals) = cursor.decimals_behind_comma() {
-            let meant = format!("{}.{decimals}", self.digits);
-            return Err(Refusal::new(cursor.since(start), Fault::Comma(meant)));
+        if let Some(decimals) = cursor.decimals_behind_comma() {
+            let fault = comma(&self.digits, &decimals);
+            return Err(Refusal::new(cursor.since(start), fault));
         }
         match self.digits.parse::<f64>() {
             Ok(value) if value.is_finite() => Ok(Kind::Number(value)),
@@ -197,6 +197,14 @@ impl Tokens {
     }
 }
 
+/// What is wrong with a number that has a comma behind these digits.
+fn comma(digits: &str, decimals: &str) -> Fault {
+    if digits.contains('.') || decimals.contains(['.', ',']) {
+        return Fault::Commas;
+    }
+    Fault::Comma(format!("{digits}.{decimals}"))
+}
+
 fn comment(start: u32, cursor: &mut Cursor<'_>) -> Result<Kind, Refusal> {
     loop {
         let column = cursor.column;
@@ -225,17 +233,35 @@ impl Cursor<'_> {
         Some(character)
     }
 
-    /// The digits behind a comma that comes next; the cursor is behind them then.
+    /// The digits behind a comma that comes next, with what else is written as part of a number; the cursor is behind
+    /// them then.
     fn decimals_behind_comma(&mut self) -> Option<String> {
-        let behind = self.line[self.offset..].strip_prefix(',')?;
-        let digits: String = behind.chars().take_while(char::is_ascii_digit).collect();
-        if digits.is_empty() {
-            return None;
+        let mut behind = self.clone();
+        behind.skip_blanks();
+        (behind.next()? == ',').then_some(())?;
+        let decimals = behind.decimals()?;
+        *self = behind;
+        Some(decimals)
+    }
+
+    /// The digits that come next, with points and commas between them; the cursor is behind them then.
+    fn decimals(&mut self) -> Option<String> {
+        let mut decimals = String::new();
+        let mut ahead = self.clone();
+        loop {
+            ahead.skip_blanks();
+            match ahead.next() {
+                Some(digit @ '0'..='9') => decimals.push(digit),
+                Some(other @ ('.' | ',')) if !decimals.is_empty() => decimals.push(other),
+                _ => break,
+            }
+            if decimals.ends_with(|last: char| last.is_ascii_digit()) {
+                *self = ahead.clone();
+            }
         }
-        for _ in 0..=digits.len() {
-            self.next();
-        }
-        Some(digits)
+        let length = decimals.trim_end_matches(['.', ',']).len();
+        decimals.truncate(length);
+        (!decimals.is_empty()).then_some(decimals)
     }
 
     fn skip_blanks(&mut self) {
