@@ -82,18 +82,25 @@ impl Fault {
         matches!(
             self,
             Fault::Read(_)
-                | Fault::NoEndOf { .. }
+                | Fault::NoEnd
+                | Fault::NoSuchLine { .. }
+                | Fault::TooManyBlocks { .. }
+                | Fault::IdleLoop { .. }
+                | Fault::Abandoned
+        )
+    }
+
+    /// Whether it is not known which blocks come next.
+    pub(crate) fn loses_the_flow(&self) -> bool {
+        matches!(
+            self,
+            Fault::NoEndOf { .. }
                 | Fault::NotOpen { .. }
                 | Fault::NoSubprogram { .. }
                 | Fault::NoSubprogramEnd
                 | Fault::SubprogramEndInSub
                 | Fault::RunsInto { .. }
                 | Fault::CallsTooDeep { .. }
-                | Fault::NoEnd
-                | Fault::NoSuchLine { .. }
-                | Fault::TooManyBlocks { .. }
-                | Fault::IdleLoop { .. }
-                | Fault::Abandoned
         )
     }
 }
@@ -490,8 +497,8 @@ pub enum Fault {
     NestedSub,
     #[error("O{label} is defined twice: give each subroutine its own label")]
     DefinedTwice { label: String },
-    #[error("there is no subroutine O{label}: define it in this file, or in {label}.ngc beside it")]
-    NoSubroutine { label: String },
+    #[error("there is no subroutine O{label}: define it in this file{elsewhere}")]
+    NoSubroutine { label: String, elsewhere: String },
     #[error("there is no subprogram O{number}: add it behind the end of the program")]
     NoSubprogram { number: u32 },
     #[error("the subprogram has no M99: add it")]

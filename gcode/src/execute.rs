@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 use super::Setup;
 use super::arc::Plane;
 use super::axes::{AxisLetter, Point};
-use super::block::{Block, Target};
+use super::block::{Block, Target, Word};
 use super::command::{Action, PathMode, Stop};
 use super::compensation::Cutter;
 use super::cycles::Series;
@@ -145,17 +145,38 @@ impl State {
         Ok(continuation)
     }
 
+    /// What is wrong with the words of a block whatever came before it; whether they end the program.
+    pub(crate) fn judge(&self, block: &Block) -> Result<bool, Refusal> {
+        let mut words = Words::default();
+        for word in &block.words {
+            self.has_axis_of(word)?;
+            let known = block.is_constant(&word.value);
+            // Which code a parameter makes is not known.
+            if known || !matches!(word.letter, b'G' | b'M') {
+                let value = block.evaluate(&word.value, self, &mut Vec::new());
+                words.add(word.letter, value.unwrap_or_default(), word.columns)?;
+            }
+        }
+        Ok(matches!(words.code(Group::Stopping), Some(Code::M(2 | 30))))
+    }
+
+    /// Refuses the word of an axis that the machine does not have.
+    fn has_axis_of(&self, word: &Word) -> Result<(), Refusal> {
+        let axes = self.setup.axes;
+        match AxisLetter::from_letter(char::from(word.letter)) {
+            Some(axis) if !axes.contains(axis) => {
+                Err(Refusal::new(word.columns, Fault::NoSuchAxis { axis, axes }))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Evaluates every word and setting with the parameters as they were before the block.
     fn evaluate(&mut self, block: &Block) -> Result<Words, Refusal> {
         let mut stack = std::mem::take(&mut self.stack);
         let mut words = Words::default();
         for word in &block.words {
-            if let Some(axis) = AxisLetter::from_letter(char::from(word.letter))
-                && !self.setup.axes.contains(axis)
-            {
-                let axes = self.setup.axes;
-                return Err(Refusal::new(word.columns, Fault::NoSuchAxis { axis, axes }));
-            }
+            self.has_axis_of(word)?;
             let value = block.evaluate(&word.value, self, &mut stack)?;
             words.add(word.letter, value, word.columns)?;
         }

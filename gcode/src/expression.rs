@@ -210,6 +210,14 @@ impl Block {
             .filter(|(name, _)| is_signal(name))
     }
 
+    /// Whether a value of the block hangs on no parameter.
+    pub(crate) fn is_constant(&self, value: &Value) -> bool {
+        !self.steps[value.steps.clone()].iter().any(|step| {
+            use Operation::{Exists, Named, Numbered};
+            matches!(step.operation, Numbered | Named(_) | Exists(_))
+        })
+    }
+
     /// Evaluates one of the block's values; `stack` is working memory.
     pub(crate) fn evaluate(
         &self,

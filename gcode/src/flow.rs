@@ -282,6 +282,8 @@ impl Interpreter {
     ) -> Result<(), Refusal> {
         let (line, text) = (self.line, self.block.text.clone());
         let file = self.current;
+        // Behind what is refused here the program does not go on.
+        self.reads_over = true;
         while self.read_block()? && !self.block.percent {
             let Some(flow) = self.flow_of_block() else {
                 continue;
@@ -290,6 +292,7 @@ impl Interpreter {
                 return Err(Refusal::new(flow.columns, Fault::NestedSub));
             }
             if wanted(flow.statement) && is_label(&self.block, flow, label) {
+                self.reads_over = false;
                 return Ok(());
             }
         }
@@ -415,9 +418,14 @@ impl Interpreter {
         let plain = label
             .chars()
             .all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || matches!(c, '_' | '-'));
+        // What came through a pipe has no files beside it.
+        let elsewhere = match plain && self.directory.is_some() {
+            true => format!(", or in {label}.ngc beside it"),
+            false => String::new(),
+        };
         let unknown = || {
-            let label = label.to_owned();
-            Refusal::new(columns, Fault::NoSubroutine { label })
+            let (label, elsewhere) = (label.to_owned(), elsewhere.clone());
+            Refusal::new(columns, Fault::NoSubroutine { label, elsewhere })
         };
         let Some(directory) = self.directory.as_ref().filter(|_| plain) else {
             return Err(unknown());
@@ -454,12 +462,7 @@ impl Interpreter {
             match self.read_block() {
                 Ok(true) => {}
                 Ok(false) => break,
-                Err(refusal)
-                    if matches!(
-                        *refusal.fault,
-                        Fault::Read(_) | Fault::LineTooLong { .. } | Fault::Abandoned
-                    ) =>
-                {
+                Err(refusal) if matches!(*refusal.fault, Fault::Read(_) | Fault::Abandoned) => {
                     break;
                 }
                 Err(_) => continue,

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 use std::fs::File;
-use std::io::Cursor;
+use std::io::{self, Cursor};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
@@ -21,7 +21,7 @@ use super::memory::Memory;
 use super::modal::Modes;
 use super::parameters::{INPUT_RESULT, InputResult};
 use super::probe::Probed;
-use super::source::{Input, Lines, MAX_LINE, Read1};
+use super::source::{self, Input, Lines, MAX_LINE, Read1};
 use super::tables::Tables;
 
 /// Interprets a program block by block: an iterator of its commands, with memory for one block.
@@ -46,6 +46,12 @@ pub struct Interpreter {
     /// What the block that is being executed asks for, in the program's own positions.
     actions: VecDeque<Action>,
     compensation: Option<Compensation>,
+    /// A block of a compensated contour was refused: nothing is known of the contour up to its G40.
+    contour_lost: bool,
+    /// Blocks are read that are not executed, up to the end of a branch, a loop or a subroutine.
+    pub(super) reads_over: bool,
+    /// A block was refused, behind which it is not known what comes next: the rest of its file is read and not executed.
+    only_read: bool,
     /// What is settled and not handed out.
     pending: VecDeque<Command>,
     /// Where `pending` leads the machine.
@@ -150,6 +156,9 @@ impl Interpreter {
             control: Control::default(),
             actions: VecDeque::new(),
             compensation: None,
+            contour_lost: false,
+            reads_over: false,
+            only_read: false,
             pending: VecDeque::new(),
             executed: 0,
             passed: 0,
@@ -282,23 +291,49 @@ impl Interpreter {
     }
 
     /// After an error goes on behind its block, to find the program's other mistakes; what comes is
-    /// not to be run. `false` if nothing can be said of what is behind: where a subroutine, a loop
-    /// or a branch begins or ends, or where the program cannot be read.
+    /// not to be run. Where it is not known what comes next, as behind a mistake in a branch or a call, the rest of the
+    /// file is judged block by block. `false` if nothing can be said of what is behind.
     pub fn go_on(&mut self, error: &Error) -> bool {
-        let words = error.block.trim_start_matches(['/', ' ', '\t']);
-        let words = match words.strip_prefix(['N', 'n']) {
-            Some(number) => number.trim_start_matches(|c: char| c == ' ' || c.is_ascii_digit()),
-            None => words,
-        };
-        if error.fault.ends_reading() || words.starts_with(['O', 'o']) {
+        if error.fault.ends_reading() {
             return false;
+        }
+        let flow_lost = self.reads_over || error.fault.loses_the_flow() || is_flow(&error.block);
+        if flow_lost && !self.only_read {
+            if self.go_behind(error).is_err() {
+                return false;
+            }
+            self.only_read = true;
         }
         self.actions.clear();
         self.compensation = None;
-        self.state.forget_compensation();
+        self.contour_lost = self.state.cutter().is_some();
         self.settled_at = self.state.at;
         self.ended = false;
         true
+    }
+
+    /// Goes behind the block of an error.
+    fn go_behind(&mut self, error: &Error) -> io::Result<()> {
+        let file = self.files.iter().position(|it| it.name == error.file);
+        self.current = file.unwrap_or(self.current);
+        let lines = &mut self.files[self.current].lines;
+        lines.go_to(source::Place::START)?;
+        while lines.place().line <= error.line && lines.read(&mut self.bytes)? != Read1::End {}
+        Ok(())
+    }
+
+    /// Reads a block for mistakes that it has whatever comes before it; at the end of the program or the file there is
+    /// no more.
+    fn judge_block(&mut self) -> Result<(), Refusal> {
+        if !self.read_block()? || self.block.percent {
+            self.ended = true;
+            return Ok(());
+        }
+        if self.is_deleted() {
+            return Ok(());
+        }
+        self.ended = self.state.judge(&self.block)?;
+        Ok(())
     }
 
     /// Begins in the middle: executes the program up to a line without handing out its commands.
@@ -462,6 +497,9 @@ impl Interpreter {
 
     /// Reads and executes one block.
     fn step(&mut self) -> Result<(), Refusal> {
+        if self.only_read {
+            return self.judge_block();
+        }
         if let Some(deferred) = self.deferred.take() {
             let done = match deferred {
                 Deferred::Block(this) => self.execute(this),
@@ -585,6 +623,8 @@ impl Interpreter {
     fn settle(&mut self, span: Span) -> Result<(), Refusal> {
         self.asked += self.actions.len() as u64;
         let cutter = self.state.cutter();
+        self.contour_lost &= cutter.is_some();
+        let cutter = cutter.filter(|_| !self.contour_lost);
         let judge = |from: &Point, action: &Action| self.state.within_limits(from, action);
         if let Some(compensation) = &mut self.compensation
             && Some(compensation.cutter()) != cutter
@@ -657,6 +697,16 @@ impl Interpreter {
         self.ended = true;
         Ok(())
     }
+}
+
+/// Whether a block begins with an O-word.
+fn is_flow(block: &str) -> bool {
+    let words = block.trim_start_matches(['/', ' ', '\t']);
+    let words = match words.strip_prefix(['N', 'n']) {
+        Some(number) => number.trim_start_matches(|c: char| c == ' ' || c.is_ascii_digit()),
+        None => words,
+    };
+    words.starts_with(['O', 'o'])
 }
 
 impl Iterator for Interpreter {

@@ -5,6 +5,9 @@ use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 /// The longest line that a program may have, in bytes.
 pub const MAX_LINE: usize = 4096;
 
+/// The most bytes of one line that are passed over: what has no line ends is no program.
+const MAX_PASSED: usize = 1 << 20;
+
 /// What a program is read from. Loops and subroutines go back in it, so it must be able to seek.
 pub trait Input: Read + Seek + Send {}
 
@@ -28,7 +31,7 @@ impl Place {
 pub(crate) enum Read1 {
     /// A line, without its end.
     Line,
-    /// A line longer than [`MAX_LINE`]; only its beginning was read.
+    /// A line longer than [`MAX_LINE`]: only its beginning was kept, and the next one comes next.
     TooLong,
     /// There is no further line.
     End,
@@ -69,7 +72,7 @@ impl Lines {
     /// Replaces `line` with the next line's bytes, without the line end.
     pub(crate) fn read(&mut self, line: &mut Vec<u8>) -> io::Result<Read1> {
         line.clear();
-        let mut started = false;
+        let mut length = 0;
         loop {
             let bytes = match self.input.fill_buf() {
                 Ok(bytes) => bytes,
@@ -77,34 +80,39 @@ impl Lines {
                 Err(error) => return Err(error),
             };
             if bytes.is_empty() {
-                if !started {
+                if length == 0 {
                     return Ok(Read1::End);
                 }
                 break;
             }
-            started = true;
             let end = bytes.iter().position(|byte| matches!(byte, b'\n' | b'\r'));
             let part = &bytes[..end.unwrap_or(bytes.len())];
-            if line.len() + part.len() > MAX_LINE {
-                let room = MAX_LINE - line.len();
-                line.extend_from_slice(&part[..room]);
-                return Ok(Read1::TooLong);
+            let kept = part.len().min(MAX_LINE - line.len());
+            line.extend_from_slice(&part[..kept]);
+            let terminator = end.map(|end| bytes[end]);
+            let read = part.len();
+            length += read;
+            if length > MAX_PASSED {
+                let text = format!("a line of more than {MAX_PASSED} bytes: is it the right file?");
+                return Err(io::Error::new(io::ErrorKind::InvalidData, text));
             }
-            line.extend_from_slice(part);
-            let length = part.len();
-            match end.map(|end| bytes[end]) {
+            match terminator {
                 Some(terminator) => {
-                    self.consume(length + 1);
+                    self.consume(read + 1);
                     if terminator == b'\r' && self.input.fill_buf()?.first() == Some(&b'\n') {
                         self.consume(1);
                     }
                     break;
                 }
-                None => self.consume(length),
+                None => self.consume(read),
             }
         }
         self.next.line = self.next.line.saturating_add(1);
-        Ok(Read1::Line)
+        Ok(if length > MAX_LINE {
+            Read1::TooLong
+        } else {
+            Read1::Line
+        })
     }
 
     fn consume(&mut self, bytes: usize) {
@@ -150,9 +158,27 @@ mod tests {
 
     #[test]
     fn a_line_without_end_is_cut() {
-        let mut lines = Lines::new(Box::new(Cursor::new(vec![b'x'; 3 * MAX_LINE])));
+        let mut bytes = vec![b'x'; MAX_LINE];
+        bytes.extend(b"\r\n");
+        bytes.extend(vec![b'y'; 20 * MAX_LINE]);
+        bytes.extend(b"\nz");
+        let mut lines = Lines::new(Box::new(Cursor::new(bytes)));
         let mut line = Vec::new();
-        assert_eq!(lines.read(&mut line).unwrap(), Read1::TooLong);
-        assert_eq!(line.len(), MAX_LINE);
+        for (read, expected) in [
+            (Read1::Line, vec![b'x'; MAX_LINE]),
+            (Read1::TooLong, vec![b'y'; MAX_LINE]),
+            (Read1::Line, vec![b'z']),
+        ] {
+            assert_eq!(lines.read(&mut line).unwrap(), read);
+            assert_eq!(line, expected);
+        }
+        assert_eq!(lines.place().line, 4);
+    }
+
+    #[test]
+    fn what_has_no_line_ends_is_no_program() {
+        let mut lines = Lines::new(Box::new(Cursor::new(vec![0; 2 * MAX_PASSED])));
+        let error = lines.read(&mut Vec::new()).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::InvalidData);
     }
 }

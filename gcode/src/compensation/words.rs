@@ -28,12 +28,6 @@ impl State {
         }
     }
 
-    /// As if there had been none: for reading on behind a mistake.
-    pub(crate) fn forget_compensation(&mut self) {
-        self.compensated = Compensated::Off;
-        self.modes.compensation = None;
-    }
-
     /// The end of a program ends compensation too.
     pub(crate) fn end_compensation(&mut self) {
         self.compensated = match self.cutter() {

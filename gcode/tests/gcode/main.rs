@@ -9,6 +9,7 @@ mod input_results;
 mod linuxcnc;
 mod listing;
 mod memory;
+mod mistakes;
 mod motion;
 mod names;
 mod offsets;
