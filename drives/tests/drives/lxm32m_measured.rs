@@ -109,6 +109,35 @@ fn limits_that_hold_are_told() {
     assert_eq!(bench.number(1, 0x300D, 0x16), 140);
 }
 
+/// 301Ch:7 while an error or a message is there, 301Ch:8 from then on until it is reset (2500, 2501).
+#[test]
+fn what_is_monitored_is_told_until_it_is_reset() {
+    let mut bench = drive(3);
+    let signals = |bench: &mut Bench| [7, 8].map(|sub| bench.number(1, 0x301C, sub));
+    assert_eq!(signals(&mut bench), [0, 0]);
+    bench.twin().disturb(Disturbance::Mains(false));
+    bench.wait(ms(5));
+    assert_eq!(signals(&mut bench), [1, 1]);
+    bench.twin().disturb(Disturbance::Mains(true));
+    bench.wait(ms(100));
+    assert_eq!(signals(&mut bench), [1, 1]);
+    bench.controlword(1, 0x0080);
+    assert_eq!(signals(&mut bench), [0, 0]);
+    // A message goes by itself, and stays remembered: a blocked shaft away from its reference.
+    let mut bench = drive(3);
+    set(&mut bench, 0x3006, 0x29, 1);
+    bench.twin().shaft_mut().unwrap().block(true);
+    set(&mut bench, 0x60FF, 0, 60);
+    bench.wait(ms(200));
+    assert_eq!(signals(&mut bench), [1, 1]);
+    set(&mut bench, 0x60FF, 0, 0);
+    bench.twin().shaft_mut().unwrap().block(false);
+    bench.wait(ms(2000));
+    assert_eq!(signals(&mut bench), [0, 1]);
+    bench.controlword(1, 0x008F);
+    assert_eq!(signals(&mut bench), [0, 0]);
+}
+
 /// A heavy load is driven and braked: its power, and what the braking resistor takes of it (2509, 2514-2516).
 #[test]
 fn the_braking_resistor_takes_what_a_heavy_load_gives_back() {

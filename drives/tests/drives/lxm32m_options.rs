@@ -61,6 +61,48 @@ fn ramps_of_velocity_can_be_set_together_and_taken_away() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
+    /// 3006h:D limits the jerk of Profile Velocity (2249): in ms, as long as the acceleration takes to come, the ramp takes
+    /// longer.
+    #[test]
+    fn the_jerk_of_a_velocity_ramp_can_be_limited(time in 0i32..128, speed in 100i32..1000, ramp in 500i32..2000) {
+        let mut bench = drive(3);
+        set(&mut bench, 0x3006, 0x0D, time);
+        set(&mut bench, 0x6083, 0, ramp);
+        set(&mut bench, 0x60FF, 0, speed);
+        let mut took = 0;
+        while bench.read_i32(1, 0x606B, 0) != speed {
+            bench.wait(ms(1));
+            took += 1;
+            prop_assert!(took < 5000);
+        }
+        let [speed, ramp, time] = [speed, ramp, time].map(f64::from);
+        let alone = speed / ramp * 1000.0;
+        let expected = if alone >= time { alone + time } else { 2.0 * (alone * time).sqrt() };
+        // Each answer takes up to a millisecond besides.
+        let took = f64::from(took);
+        prop_assert!(took <= expected + 4.0 && took >= 0.4 * expected - 4.0, "{took} of {expected} ms");
+    }
+
+    /// 301Fh:A to C tell the greatest user values as the scales have them (2574-2576): their increments are within 32
+    /// bits, and no more are.
+    #[test]
+    fn the_greatest_user_values_follow_the_scales(numerator in 1i32..1000, denominator in 1i32..1_000_000) {
+        let mut bench = Bench::one();
+        let scale = f64::from(numerator) / f64::from(denominator);
+        for (sub, [of, over], unit) in [
+            (0x0A, [0x08, 0x07], 131_072.0),
+            (0x0B, [0x22, 0x21], 131_072.0 / 60.0),
+            (0x0C, [0x31, 0x30], 131_072.0 / 60.0),
+        ] {
+            set(&mut bench, 0x3006, of, numerator);
+            set(&mut bench, 0x3006, over, denominator);
+            let most = f64::from(bench.read_i32(1, 0x301F, sub));
+            let within = |value: f64| value * scale * unit <= f64::from(i32::MAX);
+            prop_assert!(within(most), "301Fh:{sub:X} {most}");
+            prop_assert!(!within(most + 1.0) || most == f64::from(i32::MAX), "301Fh:{sub:X} {most}");
+        }
+    }
+
     /// 60F2h says what a relative target counts from (2940), wherever the axis is on its way to another.
     #[test]
     fn a_relative_target_counts_from_what_is_chosen(

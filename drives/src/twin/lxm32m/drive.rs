@@ -60,6 +60,8 @@ pub struct Drive {
     /// setpoints that are joined by straight lines have no other.
     cycle_velocity: f64,
     acceleration: f64,
+    /// What the ramp of a Profile Velocity has come to, increments/s², if it is smoothed.
+    ramp_acceleration: f64,
     pub(super) motion: Motion,
 
     /// The active mode; 6060h may ask for another until the motor stands.
@@ -137,6 +139,7 @@ impl Drive {
             ramp: Ramp::at(encoder as f64),
             cycle_velocity: 0.0,
             acceleration: 0.0,
+            ramp_acceleration: 0.0,
             motion: Motion::Hold,
             mode: Mode::None,
             start_waits: None,
@@ -171,6 +174,10 @@ impl Drive {
     // ---- time ----
 
     fn move_reference(&mut self, step: u32) {
+        let jerk_time = self.ramp_jerk_time();
+        if jerk_time == 0.0 || !matches!(self.motion, Motion::Velocity(..)) {
+            self.ramp_acceleration = 0.0;
+        }
         let ramp = &mut self.ramp;
         match self.motion {
             Motion::Hold => ramp.velocity = 0.0,
@@ -180,7 +187,17 @@ impl Drive {
                 }
             }
             Motion::Velocity(target, limits) => {
-                if ramp.towards_velocity(target, &limits, POSITION_STEP) && target == 0.0 {
+                let reached = match jerk_time {
+                    0.0 => ramp.towards_velocity(target, &limits, POSITION_STEP),
+                    time => ramp.towards_velocity_smoothly(
+                        &mut self.ramp_acceleration,
+                        target,
+                        &limits,
+                        time,
+                        POSITION_STEP,
+                    ),
+                };
+                if reached && target == 0.0 {
                     self.motion = Motion::Hold;
                 }
             }
@@ -296,6 +313,12 @@ impl Drive {
         if !warned && !self.servo.cause_persists {
             self.objects.set(self.rows.warnings_active, 0);
         }
+    }
+
+    /// Whether an error or a message is there: 301Ch:7, whose bits the manual does not print.
+    fn monitors_something(&self) -> bool {
+        let failed = matches!(self.servo.state, State::Fault | State::FaultReactionActive);
+        failed || self.objects.get(self.rows.warnings_active) != 0
     }
 
     /// Bit 7: for as long as 301Ch:B has a message, and 100 ms at least (lxm32m 1319).
@@ -416,6 +439,18 @@ impl Drive {
             ),
             (rows.statusword, self.statusword().0.into()),
         ];
+        let monitored = self.monitors_something().into();
+        let [most_position, most_velocity, most_ramp] = self.scale_most();
+        let shown = shown.into_iter().chain([
+            (rows.position_scale_most, most_position),
+            (rows.velocity_scale_most, most_velocity),
+            (rows.ramp_scale_most, most_ramp),
+            (rows.signals_active, monitored),
+            (
+                rows.signals_latched,
+                self.objects.get(rows.signals_latched).max(monitored),
+            ),
+        ]);
         for (row, value) in shown {
             self.objects.set(row, value);
         }
@@ -558,12 +593,14 @@ impl ServoFirmware for Drive {
         self.objects.set(rows.last_warning, warning.number.into());
         self.objects.set(rows.warnings_active, 1);
         self.objects.set(rows.warnings_latched, 1);
+        self.objects.set(rows.signals_latched, 1);
         self.warned = true;
         self.warning_until = self.servo.now + WARNING_TIME;
     }
 
     fn failed(&mut self, error: DriveError) {
         self.objects.set(self.rows.last_error, error.number.into());
+        self.objects.set(self.rows.signals_latched, 1);
         self.remember(error.number.into(), error.class as i64);
         self.x_err = true;
     }
@@ -571,6 +608,7 @@ impl ServoFirmware for Drive {
     fn forget_warnings(&mut self) {
         self.warning_until = self.servo.now;
         self.objects.set(self.rows.warnings_active, 0);
+        self.objects.set(self.rows.signals_latched, 0);
     }
 
     fn error_reset(&mut self) {

@@ -38,6 +38,8 @@ macro_rules! rows {
 rows! {
     error_register = 0x1001:0;
     last_warning = 0x301C:0x09;
+    signals_active = 0x301C:0x07;
+    signals_latched = 0x301C:0x08;
     warnings_active = 0x301C:0x0B;
     warnings_latched = 0x301C:0x0C;
     store_parameters = 0x3004:0x01;
@@ -61,6 +63,7 @@ rows! {
     brake_release_time = 0x3005:0x07;
     brake_apply_time = 0x3005:0x08;
     ramp_symmetric = 0x3006:0x01;
+    ramp_jerk_time = 0x3006:0x0D;
     velocity_ramp_enabled = 0x3006:0x2B;
     torque_source = 0x301B:0x38;
     velocity_source = 0x301B:0x39;
@@ -310,4 +313,7 @@ rows! {
     profile_velocity_target = 0x301F:0x05;
     feed_forward_velocity = 0x301F:0x07;
     feed_forward_acceleration = 0x301F:0x09;
+    position_scale_most = 0x301F:0x0A;
+    velocity_scale_most = 0x301F:0x0B;
+    ramp_scale_most = 0x301F:0x0C;
 }

@@ -64,6 +64,18 @@ impl Drive {
         acceleration.max(1) as f64 * (scale * RPM)
     }
 
+    /// The greatest position, velocity and ramp in user units: those whose increments, increments/s and increments/s²
+    /// are within 32 bits (assumed), as those of 6063h are, if the objects can tell them.
+    pub(super) fn scale_most(&self) -> [i64; 3] {
+        let most = f64::from(i32::MAX);
+        let units = [
+            self.increments_of(1),
+            self.velocity_of(1),
+            self.acceleration_of(1),
+        ];
+        units.map(|unit| (most / unit).min(most) as i64)
+    }
+
     /// A profile's limits at a velocity in usr_v: capped by 607Fh and 3011h:10 (lxm32m 1529),
     /// with the ramps of 6083h and 6084h.
     pub(super) fn profile_limits(&self, velocity: i64) -> Limits {

@@ -4,7 +4,19 @@ use super::Mode;
 use crate::twin::lxm32m::drive::Drive;
 use crate::twin::lxm32m::motion::Motion;
 
+/// 3006h:D counts in ms (assumed).
+const JERK_TIME: f64 = 1e-3;
+
 impl Drive {
+    /// How long the acceleration of Profile Velocity takes to come to 6083h or 6084h, s: 3006h:D, which the manual
+    /// names the jerk limit of the velocity profile (lxm32m 2249). 0 where it is off.
+    pub(in crate::twin::lxm32m) fn ramp_jerk_time(&self) -> f64 {
+        match self.mode {
+            Mode::ProfileVelocity => self.objects.get(self.rows.ramp_jerk_time) as f64 * JERK_TIME,
+            _ => 0.0,
+        }
+    }
+
     /// 60FFh was written. A target of 0 ends a movement and starts none (lxm32m 1795).
     pub(super) fn set_velocity(&mut self) {
         if !self.starts(Mode::ProfileVelocity) {
