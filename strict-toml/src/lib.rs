@@ -84,11 +84,17 @@ pub fn read(file: &Path) -> io::Result<String> {
 /// Reads a file's text as TOML. What of it is none goes to the log.
 pub fn parse<'s>(log: &mut Log<'_>, source: &'s str) -> Spanned<DeTable<'s>> {
     let (document, errors) = DeTable::parse_recoverable(source);
+    // What stands in a table that comes again comes again with it.
+    let mut told_with = 0;
     for error in errors {
         let place = error.span().unwrap_or(0..0);
+        if place.start < told_with && error.message() == "duplicate key" {
+            continue;
+        }
         let told = format!("not TOML: {}", error.message());
         let allowed = match table_again(source, place.start) {
             Some(name) => {
+                told_with = end_of_table(source, place.start, name);
                 format!("allowed: each table once; `[[{name}]]` where it is one of several")
             }
             None => "allowed: tables, keys and values as on https://toml.io".to_owned(),
@@ -109,6 +115,29 @@ fn table_again(source: &str, place: usize) -> Option<&str> {
     (!name.starts_with('[') && source[..start].lines().any(is_header)).then_some(name)
 }
 
+/// Where the table `name`, whose header is at `place`, ends with the tables in it.
+fn end_of_table(source: &str, place: usize, name: &str) -> usize {
+    let mut end = place;
+    for line in source
+        .get(place..)
+        .unwrap_or_default()
+        .split_inclusive('\n')
+    {
+        let header = line.trim_start().strip_prefix('[');
+        let inside = |header: &str| {
+            let header = header.trim_start_matches('[').trim_start();
+            header
+                .strip_prefix(name)
+                .is_some_and(|it| it.trim_start().starts_with('.'))
+        };
+        if end > place && header.is_some_and(|it| !inside(it)) {
+            break;
+        }
+        end += line.len();
+    }
+    end
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -127,7 +156,12 @@ mod tests {
         let text = told("[axis]  # X\na = 1\n\n[axis]\na = 2\n");
         let expected = "a.toml:4:2: not TOML: duplicate key\n  4 | [axis]\n    |  ^^^^\n    \
                         = allowed: each table once; `[[axis]]` where it is one of several\n";
-        assert!(text.starts_with(expected), "{text}");
+        assert_eq!(text, expected);
+        let text = told(
+            "[axis]\na = 1\n[axis.b]\nc = 1\n[axis]\na = 2\n[axis.b]\nc = 1\n[d]\ne = 1\ne = 2\n",
+        );
+        assert_eq!(text.matches("duplicate key").count(), 2, "{text}");
+        assert!(text.contains(":5:2:") && text.contains(":11:1:"), "{text}");
         for other in ["a = 1\na = 2\n", "[b]\na = 1\na = 2\n", "a = \n", "[a\n"] {
             assert!(told(other).contains("https://toml.io"), "{other:?}");
         }
