@@ -114,10 +114,20 @@ enum Command {
 }
 
 impl Cli {
-    /// Runs the chosen subcommand to its end.
+    /// Reads the command line and runs the chosen subcommand to its end.
     #[must_use]
-    pub fn execute(self) -> Exit {
-        let exit = self.command.execute();
+    pub fn main() -> Exit {
+        let exit = match Self::try_parse() {
+            Ok(cli) => cli.command.execute(),
+            Err(shown) => {
+                note(shown.print());
+                match shown.use_stderr() {
+                    true => Exit::BadInput,
+                    // Help, or the version.
+                    false => Exit::Finished,
+                }
+            }
+        };
         note(io::stdout().flush());
         match (exit, UNWRITTEN.get()) {
             (Exit::Finished, Some(error)) => {

@@ -204,8 +204,8 @@ pub(super) struct Target {
     option: &'static str,
     path: PathBuf,
     file: Option<File>,
-    /// Still empty, and made for this.
-    unused: bool,
+    /// What was made for this, while nothing is in it: of a link to nowhere what it leads to.
+    made: Option<PathBuf>,
 }
 
 impl Target {
@@ -214,25 +214,28 @@ impl Target {
             option,
             path: "standard output".into(),
             file: None,
-            unused: false,
+            made: None,
         }
     }
 
     fn open(option: &'static str, path: &Path) -> io::Result<Self> {
         let new = File::options().write(true).create_new(true).open(path);
-        let (file, unused) = match new {
+        let (file, made) = match new {
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+                let leads_nowhere = !path.exists();
                 let mut there = File::options();
                 there.write(true).create(true).truncate(false);
-                (there.open(path)?, false)
+                let file = there.open(path)?;
+                let made = leads_nowhere.then(|| path.canonicalize()).transpose()?;
+                (file, made)
             }
-            new => (new?, true),
+            new => (new?, Some(path.to_owned())),
         };
         Ok(Self {
             option,
             path: path.to_owned(),
             file: Some(file),
-            unused,
+            made,
         })
     }
 
@@ -260,7 +263,7 @@ impl Target {
 
     /// The file with nothing in it, and no buffer before it.
     pub(super) fn emptied(mut self) -> io::Result<Self> {
-        self.unused = false;
+        self.made = None;
         let emptied = match &self.file {
             Some(file) if file.metadata().is_ok_and(|it| it.is_file()) => file.set_len(0),
             _ => Ok(()),
@@ -304,9 +307,9 @@ impl Write for Target {
 
 impl Drop for Target {
     fn drop(&mut self) {
-        if self.unused {
+        if let Some(made) = &self.made {
             // It is empty: no loss if it stays.
-            let _ = std::fs::remove_file(&self.path);
+            let _ = std::fs::remove_file(made);
         }
     }
 }

@@ -1,6 +1,7 @@
 //! What is wrong with a program, all of it, and each mistake once.
 
 use std::fmt;
+use std::path::{Path, PathBuf};
 use syncline_gcode as gcode;
 
 /// How many mistakes of a program are told, and of how many lines of the same one.
@@ -17,13 +18,23 @@ pub struct Mistake {
 
 /// All mistakes of a program, in the order in which they are met.
 #[derive(Debug, Default)]
-pub struct Mistakes(Vec<Mistake>);
+pub struct Mistakes {
+    list: Vec<Mistake>,
+    /// The tables file that is missing, if a mistake asks for what would be in it.
+    no_tables: Option<PathBuf>,
+}
 
 impl Mistakes {
     /// Whether there is none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
+        self.list.is_empty()
+    }
+
+    /// There is no such tables file: told where a tool is missing.
+    pub(super) fn without_tables(&mut self, file: Option<&Path>) {
+        let tool = |it: &Mistake| matches!(it.first.fault, gcode::Fault::NoSuchTool { .. });
+        self.no_tables = (file.map(Path::to_owned)).filter(|_| self.list.iter().any(tool));
     }
 
     /// Adds a mistake; `false` if no more can be told.
@@ -37,23 +48,32 @@ impl Mistakes {
         let same = |mistake: &&mut Mistake| {
             mistake.first.file == error.file && kind(&mistake.first) == known
         };
-        match self.0.iter_mut().find(same) {
+        match self.list.iter_mut().find(same) {
+            // A loop or a subroutine makes it again and again.
+            Some(mistake) if mistake.is_in(error.line) => {}
             Some(mistake) if mistake.lines.len() < MOST_LINES => mistake.lines.push(error.line),
             Some(mistake) => mistake.more += 1,
-            None => self.0.push(Mistake {
+            None => self.list.push(Mistake {
                 first: error,
                 lines: Vec::new(),
                 more: 0,
             }),
         }
-        self.0.len() < MOST_MISTAKES
+        self.list.len() < MOST_MISTAKES
+    }
+}
+
+impl Mistake {
+    /// Whether the line is told.
+    fn is_in(&self, line: u32) -> bool {
+        self.first.line == line || self.lines.contains(&line)
     }
 }
 
 impl fmt::Display for Mistakes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut separator = "";
-        for mistake in &self.0 {
+        for mistake in &self.list {
             write!(f, "{separator}{}", mistake.first)?;
             separator = "\n";
             if mistake.lines.is_empty() {
@@ -65,8 +85,15 @@ impl fmt::Display for Mistakes {
                 write!(f, " and {} more", mistake.more)?;
             }
         }
-        if self.0.len() == MOST_MISTAKES {
+        if self.list.len() == MOST_MISTAKES {
             f.write_str("\nfurther mistakes are not told: correct these first")?;
+        }
+        if let Some(file) = &self.no_tables {
+            let file = file.display();
+            write!(
+                f,
+                "\nthere is no {file}, which tells the tools and work offsets of this machine"
+            )?;
         }
         Ok(())
     }

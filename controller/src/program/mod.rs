@@ -68,6 +68,8 @@ pub struct Programs {
     retraction: Option<Retraction>,
     /// Where what a program changes in the tables is written at its end.
     keeps: Option<PathBuf>,
+    /// The tables file, if there is none.
+    no_tables: Option<PathBuf>,
 }
 
 /// The M-codes of the user's that run a command, and how long that may take.
@@ -162,6 +164,7 @@ pub struct Program {
     point_to_point: [bool; COORDINATES],
     tolerances: PathTolerances,
     keeps: Option<PathBuf>,
+    no_tables: Option<PathBuf>,
     spindle: SpinUp,
     threads: Threads,
     user_codes: UserCodes,
@@ -270,7 +273,7 @@ pub enum ProgramError {
         axis: AxisLetter,
     },
     /// The axes cannot cut a thread.
-    #[error("{place}: no thread: {source}")]
+    #[error("{place}: no thread")]
     Thread {
         /// File, line and column.
         place: String,
@@ -302,8 +305,13 @@ impl Programs {
     /// # Errors
     /// The tables cannot be used.
     pub fn new(machine: &Machine, machine_file: &Path) -> Result<Self, TablesError> {
-        let tables = Tables::load(&Tables::beside(machine_file))?;
-        Ok(Self::with_tables(machine, tables))
+        let file = Tables::beside(machine_file);
+        let programs = Self::with_tables(machine, Tables::load(&file)?);
+        let no_tables = (!file.exists()).then_some(file);
+        Ok(Self {
+            no_tables,
+            ..programs
+        })
     }
 
     /// For a machine, with these tables.
@@ -369,6 +377,7 @@ impl Programs {
             settling: machine.shaper.settling(machine.cycle.as_secs_f64()),
             retraction: machine.retraction,
             keeps: None,
+            no_tables: None,
         }
     }
 
@@ -419,6 +428,7 @@ impl Programs {
             point_to_point: self.point_to_point,
             tolerances: self.tolerances,
             keeps: self.keeps.clone(),
+            no_tables: self.no_tables.clone(),
             spindle: self.spindle,
             threads: self.threads,
             user_codes: Arc::clone(&self.user_codes),
@@ -635,6 +645,7 @@ impl Program {
             }
         }
         if !mistakes.is_empty() {
+            mistakes.without_tables(self.no_tables.as_deref());
             return Err(ProgramError::Blocks(mistakes));
         }
         extent.blocks = interpreter.executed();

@@ -236,3 +236,97 @@ fn files_that_cannot_be_written() {
         }
     }
 }
+
+/// Help and version are told of as any other result is.
+#[test]
+fn help_that_cannot_be_written() {
+    for arguments in [&["--help"][..], &["--version"], &["run", "--help"]] {
+        let full = std::fs::File::options().write(true).open("/dev/full");
+        let mut command = syncline();
+        command.args(arguments).stdout(full.unwrap());
+        let output = command.output().unwrap();
+        let (code, _, errors) = ended(&output);
+        assert_eq!(code, 1, "{arguments:?}");
+        assert!(
+            errors.contains("cannot write standard output"),
+            "{arguments:?}: {errors}"
+        );
+        assert_eq!(
+            syncline().args(arguments).output().unwrap().status.code(),
+            Some(0)
+        );
+    }
+}
+
+/// A link to where nothing is yet: what it leads to is made where something is written, and not where it is refused.
+#[test]
+fn a_link_to_nowhere() {
+    let folder = Folder::new();
+    let machine = folder.machine("portal");
+    let program = folder.file("p.ngc", "G0 X1\nM2\n");
+    for (link, target) in [("a.json", "portal.tables.toml"), ("b.json", "result.json")] {
+        std::os::unix::fs::symlink(target, folder.path(link)).unwrap();
+    }
+    let tables = folder.path("portal.tables.toml");
+    // The example's own.
+    let _ = std::fs::remove_file(&tables);
+    let validate = |link: &str| {
+        let mut command = syncline();
+        command.arg("validate").args([&machine, &program]);
+        command.arg("--json").arg(folder.path(link));
+        let output = command.output().unwrap();
+        ended(&output).0
+    };
+    assert_eq!(validate("a.json"), 2);
+    assert!(!tables.exists(), "nothing is made of what is refused");
+    assert!(folder.path("a.json").is_symlink());
+    assert_eq!(validate("b.json"), 0);
+    let written = std::fs::read_to_string(folder.path("result.json")).unwrap();
+    assert!(written.starts_with('{'), "{written}");
+}
+
+/// Who has no tables is told so where a tool is asked for, and nowhere else.
+#[test]
+fn tables_that_are_not_there() {
+    let folder = Folder::new();
+    let machine = folder.machine("portal");
+    let tables = folder.path("portal.tables.toml");
+    let told = format!("there is no {}", tables.display());
+    let _ = std::fs::remove_file(&tables);
+    let program = folder.file("p.ngc", "G43 H1\nG0 X1 Q3\nM2\n");
+    let complaint = refusal(&machine, &program, &[]);
+    assert!(complaint.contains(&told), "{complaint}");
+    let other = folder.file("q.ngc", "G0 X1 Q3\nM2\n");
+    assert!(!refusal(&machine, &other, &[]).contains(&told));
+    std::fs::write(&tables, "").unwrap();
+    assert!(!refusal(&machine, &program, &[]).contains(&told));
+}
+
+/// A line that is too long, and a mistake in a loop, are told once each.
+#[test]
+fn mistakes_that_are_met_again_and_again() {
+    let folder = Folder::new();
+    let machine = folder.machine("portal");
+    let text = format!(
+        "({})\no1 repeat [50]\nG0 X1 Q3\no1 endrepeat\nM2\n",
+        "x".repeat(100_000)
+    );
+    let program = folder.file("p.ngc", &text);
+    let complaint = refusal(&machine, &program, &[]);
+    for told in ["p.ngc:1:1: the line has more than", "p.ngc:3:7: "] {
+        assert_eq!(complaint.matches(told).count(), 1, "{complaint}");
+    }
+    assert!(!complaint.contains("the same in line"), "{complaint}");
+}
+
+#[test]
+fn why_a_thread_cannot_be_cut_is_told_once() {
+    let folder = Folder::new();
+    let program = folder.file("p.ngc", "G21 M3 S2900\nG0 X10 Z3\nG33 Z-10 K20\nM2\n");
+    let complaint = refusal(&machine_file("drill"), &program, &[]);
+    assert!(
+        complaint.contains("p.ngc:3:1: no thread: S2900"),
+        "{complaint}"
+    );
+    assert_eq!(complaint.matches("S2900").count(), 1, "{complaint}");
+}
