@@ -185,6 +185,23 @@ impl NodeTable {
         );
     }
 
+    /// Whether the device can have its node id.
+    fn check_node(&self, log: &mut Log<'_>) {
+        let (nodes, node) = (&self.model.nodes, self.node.get_ref());
+        if nodes.contains(&node.get()) {
+            return;
+        }
+        log.report(
+            self.node.span(),
+            format!(
+                "{}: node {node} is none that a {} can have",
+                self.title(),
+                self.model.title
+            ),
+            format!("allowed: {}…{}", nodes.start(), nodes.end()),
+        );
+    }
+
     /// Whether the device takes its bus's bit rate.
     fn check_bit_rate(&self, log: &mut Log<'_>, bus: &BusTable) {
         let rates = self.model.bitrates;
@@ -221,6 +238,7 @@ pub(super) fn places(
     for (device, bus) in devices.iter().zip(&bus_of) {
         let Some(bus) = *bus else { continue };
         let node = device.node.get_ref();
+        device.check_node(log);
         let other = if *node == controller {
             Some("the controller")
         } else {

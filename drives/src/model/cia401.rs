@@ -11,7 +11,7 @@
 use super::profile::communication;
 use super::{
     ANALOG_INPUTS, Address, Assumption, Data, Identity, Increments, Io, IoNode, IoSettings, Make,
-    Model, NodeSpec, RemoteNode, Settings, Write,
+    Model, NODES, NodeSpec, RemoteNode, Settings, Write,
 };
 use crate::dictionary;
 use core::time::Duration;
@@ -23,6 +23,7 @@ pub(super) static CIA401: Model = Model {
     title: "CiA 401",
     maker: None,
     bitrates: BIT_RATES,
+    nodes: NODES,
     // It follows any SYNC that its answer fits between.
     cycle_step: Duration::from_micros(1),
     cycles: Duration::from_micros(500)..=Duration::from_secs(1),

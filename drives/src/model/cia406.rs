@@ -10,8 +10,8 @@ use super::profile::cia406::{self, AbsoluteEncoder};
 use super::profile::communication::{self, SDO_RESPONSE, T_PDO_RESPONSE};
 use super::profile::generic::{self, FIXED_MAPPING, PDOS, PRODUCT_CODE, VENDOR_ID};
 use super::{
-    Address, Assumed, Assumption, Data, Identity, Increments, Make, Model, Monitoring, NodeSpec,
-    Settings, Write,
+    Address, Assumed, Assumption, Data, Identity, Increments, Make, Model, Monitoring, NODES,
+    NodeSpec, Settings, Write,
 };
 use crate::dictionary;
 use core::time::Duration;
@@ -24,6 +24,7 @@ pub(super) static CIA406: Model = Model {
     title: "CiA 406",
     maker: None,
     bitrates: BIT_RATES,
+    nodes: NODES,
     // It follows any SYNC that its answer fits between.
     cycle_step: Duration::from_micros(1),
     cycles: Duration::from_micros(500)..=Duration::from_secs(1),

@@ -7,7 +7,7 @@ use super::profile::cia402::{self, INTERPOLATION_DELAY};
 use super::profile::communication::{self, SDO_RESPONSE, T_PDO_RESPONSE};
 use super::{
     Ability, Address, Assumption, CaptureInput, ClockLock, Data, Drive, DriveStatus, Feedback,
-    Identity, Increments, IndexDistance, Io, LoopGains, Make, ModeDisplay, Model, NodeSpec,
+    Identity, Increments, IndexDistance, Io, LoopGains, Make, ModeDisplay, Model, NODES, NodeSpec,
     OwnHoming, PowerCommand, RemoteNode, Sample, Setpoint, Setpoints, Settings, Survey,
     TorqueLimit, Write,
 };
@@ -27,6 +27,7 @@ pub(super) static LXM32M: Model = Model {
     title: "LXM32M",
     maker: Some("Schneider Electric"),
     bitrates: &[50_000, 125_000, 250_000, 500_000, 1_000_000], // (1266, 1279)
+    nodes: NODES,
     cycle_step: Duration::from_millis(1),
     cycles: Duration::from_millis(1)..=Duration::from_millis(20),
     increments_per_revolution: |_| REVOLUTION,

@@ -70,6 +70,9 @@ pub static MODELS: &[&Model] = &[
     &cia402_vl::CIA402_VL,
 ];
 
+/// Node ids of CiA 301.
+pub(crate) const NODES: RangeInclusive<u8> = 1..=127;
+
 /// A kind of device: everything that is known before one is made.
 #[derive(Clone, Debug)]
 pub struct Model {
@@ -81,6 +84,8 @@ pub struct Model {
     pub maker: Option<&'static str>,
     /// Bit rates in bit/s, ascending.
     pub bitrates: &'static [u32],
+    /// Node ids that it can have.
+    pub nodes: RangeInclusive<u8>,
     /// The cycle is a whole multiple of this …
     pub cycle_step: Duration,
     /// … within this range.

@@ -18,8 +18,8 @@ use super::profile::cia402::{self, Targets};
 use super::profile::communication;
 use super::{
     Ability, Address, Assumption, Data, Drive, DriveStatus, Dynamics, Feedback, Identity,
-    Increments, Make, ModeDisplay, Model, NodeSpec, PowerCommand, PowerState, RemoteNode, Sample,
-    Setpoint, Setpoints, Settings, Survey, Write,
+    Increments, Make, ModeDisplay, Model, NODES, NodeSpec, PowerCommand, PowerState, RemoteNode,
+    Sample, Setpoint, Setpoints, Settings, Survey, Write,
 };
 use crate::dictionary;
 use core::time::Duration;
@@ -32,6 +32,7 @@ pub(super) static TLC5XX: Model = Model {
     title: "Twin Line TLC53x",
     maker: Some("SIG Positec / Berger Lahr"),
     bitrates: &[100_000, 125_000, 250_000, 500_000, 1_000_000],
+    nodes: NODES,
     cycle_step: Duration::from_millis(1),
     cycles: Duration::from_millis(1)..=Duration::from_millis(20),
     // Of a motor with a Sincoder (4982).

@@ -14,7 +14,7 @@ use super::profile::cia402::{self, Targets};
 use super::profile::communication;
 use super::{
     Ability, Address, Assumption, Data, Drive, DriveStatus, Dynamics, Feedback, Identity,
-    Increments, Make, ModeDisplay, Model, Monitoring, NodeSpec, PowerCommand, PowerState,
+    Increments, Make, ModeDisplay, Model, Monitoring, NODES, NodeSpec, PowerCommand, PowerState,
     RemoteNode, Sample, Setpoint, Setpoints, Settings, Survey, Write,
 };
 use crate::dictionary;
@@ -31,6 +31,7 @@ pub(super) static TSP10: Model = Model {
     bitrates: &[
         50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
     ], // (116-127)
+    nodes: NODES,
     cycle_step: Duration::from_micros(1),
     cycles: Duration::from_millis(1)..=Duration::from_millis(20),
     increments_per_revolution: |assumed| assumed.value(&STEPS),

@@ -28,6 +28,8 @@ pub(super) static TWK_CRN: Model = Model {
     maker: Some("TWK Elektronik"),
     // Crn S35, S15, S26.
     bitrates: &[20_000, 125_000, 500_000, 1_000_000],
+    // Six switches, or 2000h (crn S7, S35, S15, S1).
+    nodes: 1..=64,
     // It follows any SYNC that its answer fits between.
     cycle_step: Duration::from_micros(1),
     cycles: Duration::from_micros(500)..=Duration::from_secs(1),

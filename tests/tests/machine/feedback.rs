@@ -241,6 +241,24 @@ fn an_encoder_that_does_not_answer_is_told_by_name() {
     assert_eq!(rig.finish_with_fault(), fault);
 }
 
+/// Six switches tell 64 nodes apart.
+#[test]
+fn a_node_id_that_it_cannot_have_is_refused() {
+    let file = syncline_tests::command::machine_file("mixed");
+    let text = std::fs::read_to_string(&file).unwrap();
+    for (node, allowed) in [(64, true), (65, false), (126, false)] {
+        let text = text.replace(
+            "bus = \"slow\"\nnode = 5",
+            &format!("bus = \"slow\"\nnode = {node}"),
+        );
+        let wrong = syncline_controller::machine::Machine::parse(&file, &text).err();
+        let told = wrong.map(|wrong| wrong.to_string()).unwrap_or_default();
+        let expected = format!("encoder \"screw\": node {node} is none that a TWK CRN can have");
+        assert_eq!(told.contains(&expected), !allowed, "{told}");
+        assert_eq!(told.is_empty(), allowed, "{told}");
+    }
+}
+
 #[test]
 fn another_disc_is_refused() {
     let mut rig = portal_with(&[], PROGRAM, |device, config| {

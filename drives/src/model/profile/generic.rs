@@ -8,8 +8,8 @@ use super::cia402;
 use super::communication::{self, HAS_GUARDING, HAS_HEARTBEAT, SDO_RESPONSE, T_PDO_RESPONSE};
 use crate::dictionary;
 use crate::model::{
-    Address, Assumed, Assumption, Data, Identity, Increments, Make, Model, Monitoring, NodeSpec,
-    Settings, Write,
+    Address, Assumed, Assumption, Data, Identity, Increments, Make, Model, Monitoring, NODES,
+    NodeSpec, Settings, Write,
 };
 use core::time::Duration;
 use syncline_canopen::dictionary::Preset;
@@ -133,6 +133,7 @@ pub(in crate::model) const fn drive(name: &'static str, title: &'static str, mak
         title,
         maker: None,
         bitrates: BIT_RATES,
+        nodes: NODES,
         cycle_step: Duration::from_micros(500),
         cycles: Duration::from_micros(500)..=Duration::from_millis(20),
         increments_per_revolution: |assumed| assumed.value(&ENCODER_INCREMENTS),
