@@ -522,12 +522,23 @@ impl DeviceNode {
         }
     }
 
-    /// Has it come to rest by itself.
+    /// Has it come to rest by itself. It is told so by SDO as well: a drive that was taken out of Operational hears no R_PDO, and one
+    /// that is sent velocities would go on with the last.
     pub(super) fn quick_stop(&mut self) {
         if !self.is_quick_stopped() {
             self.quick_stopped = Some(0);
             self.forget_standstill();
             self.power = PowerCommand::QuickStop;
+            if let Some(survey) = self.survey() {
+                self.sequence.command(survey.quick_stop);
+            }
+        }
+    }
+
+    /// Takes the power by SDO, too, from a drive that was told to come to rest by itself.
+    pub(super) fn switch_off_by_sdo(&mut self) {
+        if let Some(survey) = self.survey().filter(|_| self.is_quick_stopped()) {
+            self.sequence.command(survey.disable);
         }
     }
 

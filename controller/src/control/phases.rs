@@ -205,7 +205,10 @@ impl<const N: usize> Controller<N> {
                 self.ask(DeviceNode::release_torque);
                 self.keep_references();
             }
-            Phase::Disable => self.set_power(PowerCommand::Disable),
+            Phase::Disable => {
+                self.set_power(PowerCommand::Disable);
+                self.ask(DeviceNode::switch_off_by_sdo);
+            }
             Phase::ReadyToSwitchOn | Phase::ShutDown => {
                 self.set_power(PowerCommand::Prepare);
                 if phase == Phase::ReadyToSwitchOn {

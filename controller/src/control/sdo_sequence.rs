@@ -63,6 +63,8 @@ pub(super) enum Step {
     Mode(ModeDisplay),
     /// Writes on the way out; a refusal is an event.
     Release(Write),
+    /// Writes once, whatever the answer is.
+    Command(Write),
     /// Reads whether an edge was captured, and goes on with where, or with another one that may have been.
     Captured(&'static Capture, Option<&'static Capture>),
     /// Reads where an edge was captured.
@@ -85,7 +87,8 @@ impl Step {
             Self::Write(write)
             | Self::Ensure(write)
             | Self::ReadBack(write)
-            | Self::Release(write) => write.address,
+            | Self::Release(write)
+            | Self::Command(write) => write.address,
             Self::AwaitLock(lock) => lock.address,
             Self::Mode(display) => display.address,
             Self::Captured(capture, _) => capture.status,
@@ -95,7 +98,7 @@ impl Step {
 
     fn write(&self) -> Option<&Write> {
         match self {
-            Self::Write(write) | Self::Release(write) => Some(write),
+            Self::Write(write) | Self::Release(write) | Self::Command(write) => Some(write),
             _ => None,
         }
     }
@@ -181,6 +184,13 @@ impl SdoSequence {
     /// Adds steps behind those that are left.
     pub(super) fn extend(&mut self, steps: impl IntoIterator<Item = Step>) {
         self.steps.extend(steps);
+    }
+
+    /// Writes before all steps that are left, whatever the device answers.
+    pub(super) fn command(&mut self, write: Write) {
+        let is_asked = self.client.is_busy() && !self.stale;
+        let place = usize::from(is_asked).min(self.steps.len());
+        self.steps.insert(place, Step::Command(write));
     }
 
     /// Forgets the steps that are left; an answer under way is awaited and dropped.
@@ -287,8 +297,10 @@ impl SdoSequence {
         match failure.reason {
             // Whoever waits for it knows how long.
             Reason::TimedOut if matches!(step, Step::AwaitAnswer(_)) => self.tries = 0,
-            Reason::TimedOut if matches!(step, Step::Poll(_)) => self.next(),
-            Reason::Refused(_) | Reason::GivenUp(_) if matches!(step, Step::AwaitAnswer(_)) => {
+            Reason::TimedOut if matches!(step, Step::Poll(_) | Step::Command(_)) => self.next(),
+            Reason::Refused(_) | Reason::GivenUp(_)
+                if matches!(step, Step::AwaitAnswer(_) | Step::Command(_)) =>
+            {
                 self.next();
             }
             Reason::TimedOut if self.tries <= self.layout.sdo_retries => {}
@@ -412,7 +424,8 @@ impl SdoSequence {
             | Step::Write(_)
             | Step::ReadBack(_)
             | Step::Mode(_)
-            | Step::Release(_) => self.next(),
+            | Step::Release(_)
+            | Step::Command(_) => self.next(),
         }
         Ok(())
     }

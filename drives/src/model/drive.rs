@@ -399,7 +399,7 @@ impl fmt::Display for NotFollowing {
     }
 }
 
-/// How a drive in an unknown state is found out about by SDO, and switched off.
+/// How a drive in an unknown state is found out about by SDO, brought to rest, and switched off.
 #[derive(Clone, Copy, Debug)]
 pub struct Survey {
     /// Where its status stands.
@@ -408,6 +408,8 @@ pub struct Survey {
     pub status: fn(u32) -> DriveStatus,
     /// Switches the power stage off.
     pub disable: Write,
+    /// Has it brake by its quick stop.
+    pub quick_stop: Write,
 }
 
 /// How a drive homes by itself: it searches for its switch or its index pulse, and counts from there.

@@ -337,7 +337,7 @@ pub(super) fn velocity_models() -> Vec<(&'static str, String)> {
 }
 
 /// The example whose drives are sent velocities.
-fn velocity_with(program: &str, configure: impl Fn(usize, &mut Config)) -> Rig {
+pub(super) fn velocity_with(program: &str, configure: impl Fn(usize, &mut Config)) -> Rig {
     let models = velocity_models();
     let replacements: Vec<_> = models.iter().map(|(from, to)| (*from, &**to)).collect();
     Rig::new("velocity", &replacements, program, configure)

@@ -14,11 +14,11 @@ use syncline_drives::twin::{Config, Disturbance, ErrorClass};
 use syncline_tests::rig::Rig;
 
 // Among the devices.
-const Y: usize = 2;
-const Z: usize = 3;
-const U: usize = 4;
-const W: usize = 6;
-const SCREW: usize = 7;
+pub(super) const Y: usize = 2;
+pub(super) const Z: usize = 3;
+pub(super) const U: usize = 4;
+pub(super) const W: usize = 6;
+pub(super) const SCREW: usize = 7;
 
 /// U makes room for the encoder.
 const MOVED: (&str, &str) = (
@@ -30,25 +30,28 @@ const MOVED: (&str, &str) = (
 const CYCLE: (&str, &str) = ("cycle_us = 4000", "cycle_us = 6000");
 
 /// Path and single axes by turns.
-const PROGRAM: &str = "G21 G90 G94 G61 G18\nG1 X40 Y30 Z-40 F3000\nG0 U80 W6\nG2 X40 Z-40 I20\nG0 U0 W2\n\
+pub(super) const PROGRAM: &str = "G21 G90 G94 G61 G18\nG1 X40 Y30 Z-40 F3000\nG0 U80 W6\nG2 X40 Z-40 I20\nG0 U0 W2\n\
     G1 X100 Y80 Z-10\nG1 Z-60 Y0 F4800\nG1 Z-5 Y90\nM2\n";
 
 /// Rows of it; a loss is before that.
 const ROWS: usize = 1000;
 
-fn machine_of(more: &[(&str, &str)], program: &str, configure: impl Fn(usize, &mut Config)) -> Rig {
-    let changes = [
-        &point_to_point::CHANGES[..],
-        &[MOVED, CYCLE],
-        &velocity::CHANGES,
-        &stepper::CHANGES,
-        more,
-    ];
-    Rig::new("portal", &changes.concat(), program, configure)
+fn changes<'a>(more: &[(&'a str, &'a str)]) -> Vec<(&'a str, &'a str)> {
+    let of_kinds = [&velocity::CHANGES[..], &stepper::CHANGES, more].concat();
+    [&point_to_point::CHANGES[..], &[MOVED, CYCLE], &of_kinds].concat()
 }
 
-fn machine_with(program: &str, configure: impl Fn(usize, &mut Config)) -> Rig {
+fn machine_of(more: &[(&str, &str)], program: &str, configure: impl Fn(usize, &mut Config)) -> Rig {
+    Rig::new("portal", &changes(more), program, configure)
+}
+
+pub(super) fn machine_with(program: &str, configure: impl Fn(usize, &mut Config)) -> Rig {
     machine_of(&[], program, configure)
+}
+
+/// The same machine without a program.
+pub(super) fn staying_on(more: &[(&str, &str)]) -> Rig {
+    Rig::staying_on("portal", &changes(more), |_, _| ())
 }
 
 fn machine() -> Rig {
@@ -57,7 +60,7 @@ fn machine() -> Rig {
 
 /// What happens to a device.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Loss {
+pub(super) enum Loss {
     /// The power stage's supply fails.
     Power,
     /// The control supply fails and returns.
@@ -74,7 +77,7 @@ enum Loss {
 
 /// How a loss is noticed: by what is stated for a sign, or as the device tells of it.
 #[derive(Clone, Copy, Debug)]
-enum By {
+pub(super) enum By {
     Sign(fn(Sign) -> bool),
     Telling,
 }
@@ -84,7 +87,7 @@ const HEARTBEAT: By = By::Sign(|sign| sign == Sign::Heartbeat);
 const ANSWERS: By = By::Sign(|sign| matches!(sign, Sign::Answers(_)));
 
 /// Each loss of each device, by what it is noticed and what is said.
-const LOSSES: [(usize, Loss, By, &str); 21] = [
+pub(super) const LOSSES: [(usize, Loss, By, &str); 21] = [
     (Y, Loss::Power, By::Telling, "EMCY 3120h"),
     (Y, Loss::Control, T_PDOS, "no T_PDO in 2 cycles in a row"),
     (Y, Loss::Bus, T_PDOS, "no T_PDO in 2 cycles in a row"),
@@ -123,7 +126,7 @@ const LOSSES: [(usize, Loss, By, &str); 21] = [
     (SCREW, Loss::Error, By::Telling, "EMCY FFFFh"),
 ];
 
-fn happen(rig: &mut Rig, device: usize, loss: Loss) {
+pub(super) fn happen(rig: &mut Rig, device: usize, loss: Loss) {
     let disturbance = match loss {
         Loss::Power => Disturbance::Mains(false),
         Loss::Control => Disturbance::Reset,
@@ -151,7 +154,7 @@ fn lost(rig: &mut Rig, device: usize, loss: Loss) -> (String, Duration) {
 }
 
 /// The time in which it has to be noticed.
-fn stated(rig: &Rig, device: usize, by: By) -> Duration {
+pub(super) fn stated(rig: &Rig, device: usize, by: By) -> Duration {
     match by {
         By::Telling => rig.layout.tells_within(device),
         By::Sign(is) => {
@@ -189,6 +192,13 @@ fn check(row: usize, wake_ups: usize, (device, loss, by, text): (usize, Loss, By
     assert!(after <= stated(&rig, device, by), "{case}");
     assert!(matches!(rig.finish(), End::Fault(_)), "{case}");
     assert!(rig.ends_at_rest(), "{case}");
+    // Whoever cannot be reached stops by its own supervision, or by the enable chain.
+    let end = rig.session.timeline().now() + Duration::from_secs(1);
+    rig.session.timeline().world().advance_to(end);
+    for drive in 0..rig.machine.drives.len() {
+        let seen = rig.twin(drive).observe();
+        assert!(seen.velocity.abs() < 0.01, "{case}: {drive} {seen:?}");
+    }
 }
 
 #[test]

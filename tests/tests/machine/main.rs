@@ -36,6 +36,7 @@ mod in_effect;
 mod io_nodes;
 mod jogs;
 mod judge;
+mod left_operational;
 mod limit_switches;
 mod lines;
 mod losses;

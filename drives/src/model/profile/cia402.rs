@@ -24,13 +24,17 @@ pub(in crate::model) const INTERPOLATION_DELAY: Assumption = Assumption {
     meaning: "cycles from the SYNC that latches a setpoint until the position reference reaches it",
 };
 
-/// A drive's state by 6041h; 6040h = 0000h switches it off.
+/// A drive's state by 6041h; 6040h = 0000h switches it off, 000Bh brings it to rest.
 pub(in crate::model) const SURVEY: Survey = Survey {
     address: STATUSWORD,
     status: |value| said(Statusword(value as u16)),
     disable: Write {
         address: CONTROLWORD,
         data: Data::u16(Controlword::DISABLE_VOLTAGE.0),
+    },
+    quick_stop: Write {
+        address: CONTROLWORD,
+        data: Data::u16(Controlword::QUICK_STOP.0),
     },
 };
 
