@@ -311,6 +311,15 @@ fn reserved(Address { index, .. }: Address) -> bool {
     )
 }
 
+/// What a statusword says of the power stage. Of a fault bit 3 alone is certain (D-20): the manual prints for it what the profile has
+/// for a drive that still brakes (2792).
+fn power(power: PowerState, statusword: Statusword) -> PowerState {
+    match power {
+        _ if statusword.has(1 << 3) => PowerState::Fault,
+        power => power,
+    }
+}
+
 /// The bytes that its maker adds to an EMCY are the device manual's, which is not at hand.
 impl RemoteNode for Tlc5xx {
     fn spec(&self) -> &NodeSpec {
@@ -335,7 +344,14 @@ impl Drive for Tlc5xx {
     }
 
     fn survey(&self) -> Option<Survey> {
-        Some(cia402::SURVEY)
+        Some(Survey {
+            status: |value| {
+                let status = (cia402::SURVEY.status)(value);
+                let power = power(status.power, Statusword(value as u16));
+                DriveStatus { power, ..status }
+            },
+            ..cia402::SURVEY
+        })
     }
 
     fn mode(&self) -> Option<ModeDisplay> {
@@ -374,17 +390,14 @@ impl Drive for Tlc5xx {
         self.targets.as_ref().is_some_and(Targets::waits)
     }
 
-    /// Of a fault bit 3 alone is certain (D-20); bit 12 says in profile velocity that it stands.
+    /// Bit 12 says in profile velocity that it stands.
     fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
         let status = cia402::status(data, None)?;
         let statusword = Statusword(status.word.value.bits() as u16);
         if let Some(targets) = &mut self.targets {
             targets.status(statusword);
         }
-        let power = match status.power {
-            _ if statusword.has(1 << 3) => PowerState::Fault,
-            power => power,
-        };
+        let power = power(status.power, statusword);
         let set = statusword.has(Statusword::REMOTE);
         Some(DriveStatus {
             power,

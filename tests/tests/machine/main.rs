@@ -41,6 +41,7 @@ mod limit_switches;
 mod lines;
 mod losses;
 mod lost_cycles;
+mod lost_in_states;
 mod low_bits;
 mod measured;
 mod messages;
