@@ -231,6 +231,28 @@ proptest! {
     }
 }
 
+/// The level of bit 6 at which a target of a TLC53x is absolute is doubtful (D-02), and so is that of bit 9 (D-04): each way round it gets to
+/// its targets.
+#[test]
+fn bits_6_and_9_are_as_the_machine_file_says() {
+    for (absolute, remote) in [(0, 0), (0, 1), (1, 1), (1, 2)] {
+        let table =
+            format!("[model.tlc5xx]\nabsolute_bit = {absolute}\nremote_bit = {remote}\n\n[[bus]]");
+        let changes = [&CHANGES[..], &[("[[bus]]", &table)]].concat();
+        let mut rig = Rig::new(
+            "portal",
+            &changes,
+            "G21 G90\nG0 U30\nG0 U-12 V5\nM2\n",
+            |_, _| (),
+        );
+        assert_eq!(rig.finish(), End::Finished, "{table}: {:?}", rig.events);
+        assert!(
+            (act(rig.rows.last().unwrap(), U) + 12.0).abs() <= WINDOW,
+            "{table}"
+        );
+    }
+}
+
 #[test]
 fn what_they_do_passes_validation() {
     let rig = portal("G21 G90 G94 G64\nG1 X50 F6000\nG0 U60 V-20 W5\nG1 X0\nG1 W0 F600\nM2\n");

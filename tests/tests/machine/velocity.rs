@@ -437,11 +437,30 @@ fn each_loss_has_its_own_message() {
 }
 
 /// A unit that is another one than the machine file says.
+/// A drive that counts, and tells, otherwise than the manual prints, where the machine file says so: the simulated one as well.
+#[test]
+fn a_drive_that_is_as_its_machine_file_says_follows() {
+    for table in [
+        "remote_bit = 1",
+        "remote_bit = 2",
+        "units_per_rpm = 2",
+        "units_per_rpm = 10",
+    ] {
+        let table = format!("[model.tlc5xx]\n{table}\n[[bus]]");
+        let mut rig = portal_with(&[("[[bus]]", &table)], CIRCLES, |_, _| ());
+        assert_eq!(rig.finish(), End::Finished, "{table}: {:?}", rig.events);
+        let y = peak(&rig.rows, Y);
+        assert!(y <= bound(acceleration(100.0) + 500.0), "{table}: {y}");
+    }
+}
+
 #[test]
 fn another_unit_of_the_velocity_stops_the_axis_by_its_following_error() {
     for units in ["2", "60"] {
         let table = format!("[model.tlc5xx]\nunits_per_rpm = {units}\n[[bus]]");
-        let mut rig = portal_with(&[("[[bus]]", &table)], CIRCLES, |_, _| ());
+        let mut rig = portal_with(&[("[[bus]]", &table)], CIRCLES, |_, config| {
+            config.assumed.retain(|(name, _)| *name != "units_per_rpm");
+        });
         let fault = rig.finish_with_fault();
         assert!(
             matches!(fault, Fault::Axis(Y, AxisCause::FollowingError { .. })),

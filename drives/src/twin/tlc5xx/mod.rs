@@ -121,6 +121,7 @@ impl From<&Config> for TwinConfig {
             servo: own.servo.configured(config),
             position: config.position,
             processor: own.processor.configured(config),
+            policies: own.policies.assumed(config),
             ..own
         }
     }

@@ -3,6 +3,7 @@
 //! Every default here is an **assumption** of the twin, never a fact about the controller. Lines are
 //! those of the manual's text, D-02 and the like the doubts listed in `docs/tlc5xx.md`.
 
+use crate::twin::device::Config;
 use syncline_canopen::node::BootUp;
 use syncline_canopen::time::Duration;
 
@@ -21,6 +22,8 @@ pub struct Policies {
     pub fault: FaultBits,
     /// What the position factor 6093h relates.
     pub position_factor: PositionFactor,
+    /// What 60FFh and 606Ch count for 1 r/min while the factor 6094h is 1 (D-53), above 0.
+    pub units_per_rpm: u32,
     /// What 20A7h counts, the speed of offset positioning (D-30).
     pub offset_speed: OffsetSpeed,
     /// Whether an absolute target is taken before a reference point is defined, by homing or by
@@ -81,6 +84,29 @@ pub enum OffsetSpeed {
     RevolutionsPerMinute,
 }
 
+impl Policies {
+    /// As a machine file takes the controller to be.
+    pub(super) fn assumed(self, config: &Config) -> Self {
+        Self {
+            absolute: match config.assumed("absolute_bit") {
+                Some(0) => Bit6::ClearIsAbsolute,
+                Some(_) => Bit6::SetIsAbsolute,
+                None => self.absolute,
+            },
+            remote: match config.assumed("remote_bit") {
+                Some(0) => Bit9::ClearIsFieldbus,
+                Some(1) => Bit9::SetIsFieldbus,
+                // It is taken to say nothing.
+                _ => self.remote,
+            },
+            units_per_rpm: config
+                .assumed("units_per_rpm")
+                .unwrap_or(self.units_per_rpm),
+            ..self
+        }
+    }
+}
+
 impl Default for Policies {
     fn default() -> Self {
         Self {
@@ -89,6 +115,7 @@ impl Default for Policies {
             remote: Bit9::ClearIsFieldbus,
             fault: FaultBits::AllFour,
             position_factor: PositionFactor::RevolutionsPerUnit,
+            units_per_rpm: 1,
             offset_speed: OffsetSpeed::IncrementsPerSecond,
             absolute_without_reference: false,
             enable_time: Duration::from_millis(4),

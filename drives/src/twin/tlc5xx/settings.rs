@@ -15,7 +15,7 @@ pub(super) const RPM: f64 = INCREMENTS_PER_REVOLUTION / 60.0;
 pub(super) struct Settings {
     /// Increments of a user unit (6093h).
     pub(super) position: f64,
-    /// Increments/s of a user unit: r/min times 6094h (D-53).
+    /// Increments/s of a user unit: r/min times 6094h, or a part of that (D-53).
     pub(super) velocity: f64,
     /// Increments/s² of a user unit: r/(min·s) times 6097h (D-53).
     pub(super) acceleration: f64,
@@ -52,7 +52,7 @@ impl Settings {
                 false => 1.0,
             }
         };
-        let velocity = RPM * factor(0x6094);
+        let velocity = RPM * factor(0x6094) / f64::from(policies.units_per_rpm);
         let acceleration = RPM * factor(0x6097);
         let most_rpm = value(0x205A).min(objects.value(0x60FB, 3).unwrap_or(0) as f64);
         let limits = |up, down| Limits {
