@@ -338,6 +338,54 @@ proptest! {
     }
 }
 
+/// Steps that a motor really loses, as its rotor is held fast on the way: the drive, which counts what it sends, notices nothing, and
+/// the encoder tells it once both rest.
+#[test]
+fn steps_that_a_motor_loses_on_its_way_are_found() {
+    let goes = (
+        "position_loop = \"encoder\"\nunsupervised_stop = \"hardware\"",
+        "",
+    );
+    for rows in [5, 20, 60] {
+        let mut rig = machine_of(&[goes], "G21 G90\nG0 Z-40\nG4 P2\nM2\n", |_, _| ());
+        let act = |rig: &Rig| {
+            rig.rows
+                .last()
+                .map_or(0.0, |row| row.axes[Z_COORDINATE].act)
+        };
+        rig.run_until(|rig| act(rig) < -10.0);
+        rig.twin(Z).disturb(Disturbance::Block(true));
+        let row = rig.rows.len() + rows;
+        rig.run_to_row(row);
+        rig.twin(Z).disturb(Disturbance::Block(false));
+        let (compared, within) = rig.layout.comparison(axis_z(&rig)).unwrap();
+        assert_eq!(compared, Compared::AtRest);
+        let mut moved = rig.session.timeline().now();
+        while rig.controller().faults().is_empty() {
+            assert!(rig.step(), "{rows}: not found");
+            if rig.twin(Z).observe().velocity.abs() > 0.01 {
+                moved = rig.session.timeline().now();
+            }
+        }
+        let after = rig.session.timeline().now().saturating_since(moved);
+        let lost = rig
+            .twin_as::<syncline_drives::twin::tsp10::Twin>(Z)
+            .lost_steps()
+            / 1000.0;
+        let fault = rig.controller().faults()[0];
+        println!("{rows} rows: {lost} mm, {after:?} of {within:?}, {fault:?}");
+        let Fault::Axis(_, AxisCause::FeedbackDifference { difference }) = fault else {
+            panic!("{fault:?}");
+        };
+        assert!(
+            (difference.abs() - lost.abs()).abs() < MARGIN,
+            "{difference}, {lost}"
+        );
+        assert!(after <= within, "{rows}: {after:?} of {within:?}");
+        assert!(matches!(rig.finish(), End::Fault(_)));
+    }
+}
+
 // --- a bus is lost ---
 
 /// The buses of the machine of several kinds, and its drives on each: gantry, Y and the feeder, beside the I/O node that opens

@@ -119,6 +119,25 @@ fn it_follows_a_program_beside_drives_that_latch_at_sync() {
     assert!(rig.twin_as::<Twin>(DRIVE).lost_steps().abs() < 50.0);
 }
 
+/// It has no error at a constant velocity, but for what the quantum of that and an increment leave: what is not known of when a
+/// velocity takes effect is none then.
+#[test]
+fn it_does_not_lag_at_a_constant_velocity() {
+    let velocity = 40.0;
+    let mut rig = portal("G21 G90 G94 G61\nG1 Z-200 F2400\nM2\n");
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    let [drive, screw] = [DRIVE, SCREW].map(|device| &rig.layout.devices[device]);
+    let dynamics = drive.device.drive().unwrap().dynamics().unwrap();
+    let quantum = dynamics.quantum * drive.scaling.resolution();
+    let middle = (rig.rows.iter()).filter(|row| (-180.0..-40.0).contains(&row.axes[Z].set));
+    let errors: Vec<f64> = middle.map(|row| row.axes[Z].following_error).collect();
+    assert!(errors.len() > 800, "{}", errors.len());
+    let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+    let most = (0.001 * velocity + quantum) / dynamics.gain + screw.scaling.resolution();
+    println!("{mean} of {most} mm");
+    assert!(mean.abs() <= most, "{mean} of {most} mm");
+}
+
 #[test]
 fn each_loss_has_its_own_message() {
     let cases: [(usize, Disturbance, &str); 4] = [
