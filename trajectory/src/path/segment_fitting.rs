@@ -39,6 +39,12 @@ const MOST: usize = 96;
 const FEWEST: usize = 6;
 /// Degree of the polynomials.
 const DEGREE: usize = 5;
+/// What curves stay within, in mm, is the greatest of these that is no more than the tolerance, which is left to the blends
+/// beside them. So of two tolerances the greater one is tried with every curve that the lesser one is good for.
+const GRADES: [f64; 22] = [
+    10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5,
+    2e-5, 1e-5, 5e-6, 2e-6, 1e-6,
+];
 /// What has to be left of a column of the normal equations, as a part of it, when what the ones before explain is taken off:
 /// less is rounding, and the points do not determine the polynomial.
 const INDEPENDENT: f64 = 1e-13;
@@ -48,6 +54,8 @@ const INDEPENDENT: f64 = 1e-13;
 pub struct ShortSegments<const N: usize> {
     /// The last of them.
     last: Move<N>,
+    /// What curves stay within, mm.
+    tolerance: f64,
     /// Where the first begins, and the ends of all, with their tags.
     points: Vec<([f64; N], u32)>,
     /// Direction of the last one.
@@ -104,41 +112,54 @@ struct Fit<const N: usize> {
 }
 
 impl<const N: usize> ShortSegments<N> {
-    /// One move; `None` if that is no short segment, nor to be merged.
-    pub fn begin(motion: &Move<N>) -> Option<Self> {
+    /// One move, of those that become curves within the grade of their tolerance and `most` mm; `None` if that is no
+    /// short segment, nor to be merged.
+    pub fn begin(motion: &Move<N>, most: f64) -> Option<Self> {
         let heading = motion.curve.direction()?;
-        let gentle = is_short(motion, &heading, SHORT);
+        let rounding = motion.mode.rounding().unwrap_or(0.0);
+        let tolerance = grades(rounding).next().unwrap_or(rounding).min(most);
+        let gentle = is_short(motion, &heading, SHORT * tolerance);
         (gentle || merged_within(motion.mode).is_some()).then(|| ShortSegments {
             last: *motion,
+            tolerance,
             points: vec![
                 (motion.curve.start(), motion.tag),
                 (motion.curve.end(), motion.tag),
             ],
             heading,
             gentle,
-            tiny: is_short(motion, &heading, TINY),
+            tiny: is_short(motion, &heading, TINY * tolerance),
             line: Some((motion.curve, 0.0)),
             knot: None,
             reach: MOST,
         })
     }
 
+    /// What they are with a move that may be one with the others: gentle, and tiny. None where it is not.
+    fn with(&self, motion: &Move<N>) -> Option<(bool, bool)> {
+        let heading = motion.curve.direction()?;
+        let turn: f64 = (0..N.min(3)).map(|i| heading[i] * self.heading[i]).sum();
+        let gentle =
+            self.gentle && turn >= GENTLE && is_short(motion, &heading, SHORT * self.tolerance);
+        let tiny = self.tiny && is_short(motion, &heading, TINY * self.tolerance);
+        let [mode, last] = [motion.mode, self.last.mode];
+        let merged = merged_within(mode);
+        let alike = mode.rounding() == last.rounding() && merged == merged_within(last);
+        let is_one = gentle || tiny || self.line.is_some() && merged.is_some();
+        (alike && motion.feed == self.last.feed && is_one).then_some((gentle, tiny))
+    }
+
+    /// Whether a move may be one with the others.
+    pub fn may_go_on(&self, motion: &Move<N>) -> bool {
+        self.with(motion).is_some()
+    }
+
     /// Goes on with a move; false if that is not one with the others.
     pub fn extend(&mut self, motion: &Move<N>) -> bool {
-        let Some(heading) = motion.curve.direction() else {
+        let Some((gentle, tiny)) = self.with(motion) else {
             return false;
         };
-        let turn: f64 = (0..N.min(3)).map(|i| heading[i] * self.heading[i]).sum();
-        let gentle = self.gentle && turn >= GENTLE && is_short(motion, &heading, SHORT);
-        let tiny = self.tiny && is_short(motion, &heading, TINY);
         let curve_like = gentle || tiny;
-        let merged = merged_within(motion.mode);
-        if motion.mode != self.last.mode
-            || motion.feed != self.last.feed
-            || !(curve_like || self.line.is_some() && merged.is_some())
-        {
-            return false;
-        }
         self.points.push((motion.curve.end(), motion.tag));
         if self.line.is_some() {
             let most = self.points.len() <= MOST;
@@ -150,7 +171,7 @@ impl<const N: usize> ShortSegments<N> {
             }
         }
         self.last = *motion;
-        self.heading = heading;
+        self.heading = motion.curve.direction().unwrap_or(self.heading);
         (self.gentle, self.tiny) = (gentle, tiny);
         true
     }
@@ -209,7 +230,7 @@ impl<const N: usize> ShortSegments<N> {
     /// no place on it is further from them.
     fn chord(&self) -> Option<(Curve<N>, usize, f64)> {
         let start = self.start().q;
-        let within = OUTER_SHARE * self.last.mode.rounding()?;
+        let within = OUTER_SHARE * self.tolerance;
         let mut chord = None;
         for last in 1..self.points.len() {
             let Ok(line) = Curve::line(start, self.points[last].0) else {
@@ -234,7 +255,7 @@ impl<const N: usize> ShortSegments<N> {
     /// How far a line may stray from the short segments.
     fn within(&self) -> f64 {
         let mode = self.last.mode;
-        merged_within(mode).unwrap_or(STRAIGHT * mode.rounding().unwrap_or(0.0))
+        merged_within(mode).unwrap_or(STRAIGHT * self.tolerance)
     }
 
     /// Short segments that are looked at for the next polynomial.
@@ -319,7 +340,7 @@ impl<const N: usize> ShortSegments<N> {
     fn fit(&self, ahead: usize, whole: bool) -> Option<Fit<N>> {
         let lines = if whole { ahead } else { ahead / 2 };
         let outer = whole || self.knot.is_none();
-        let within = self.last.mode.rounding()? * if outer { OUTER_SHARE } else { SHARE };
+        let within = self.tolerance * if outer { OUTER_SHARE } else { SHARE };
         let from = self.start();
         // The lengths of the short segments, from the first point on.
         let mut at = [0.0; MOST + 1];
@@ -459,11 +480,15 @@ fn solve<const N: usize>(
     Some(())
 }
 
-/// Whether a line is no longer than so many tolerances, and the tool's.
-fn is_short<const N: usize>(motion: &Move<N>, heading: &[f64; N], tolerances: f64) -> bool {
+/// Tolerances of curves in place of short segments where so much is allowed, mm, the greatest first.
+pub fn grades(tolerance: f64) -> impl Iterator<Item = f64> {
+    GRADES.into_iter().filter(move |it| *it <= tolerance)
+}
+
+/// Whether a line is no longer than `most` mm, and the tool's.
+fn is_short<const N: usize>(motion: &Move<N>, heading: &[f64; N], most: f64) -> bool {
     let led: f64 = heading[..N.min(3)].iter().map(|d| d * d).sum();
-    let tolerance = motion.mode.rounding().unwrap_or(0.0);
-    led > 0.5 && motion.curve.length() <= tolerances * tolerance
+    led > 0.5 && motion.curve.length() <= most
 }
 
 fn merged_within(mode: PathControlMode) -> Option<f64> {

@@ -40,10 +40,15 @@ impl<const N: usize> Program<N> {
     }
 
     pub(crate) fn items(&self, mode: PathControlMode) -> Vec<PathItem<N>> {
-        let motion = |(&(curve, feed), tag)| Move {
+        self.items_by(|_| mode)
+    }
+
+    /// Every move in a mode of its own.
+    fn items_by(&self, mode: impl Fn(usize) -> PathControlMode) -> Vec<PathItem<N>> {
+        let motion = |(&(curve, feed), tag): (_, u32)| Move {
             curve,
             feed,
-            mode,
+            mode: mode(tag as usize),
             tag,
         };
         let moves = self.curves.iter().zip(0..).map(motion);
@@ -56,6 +61,11 @@ impl<const N: usize> Program<N> {
     }
 
     pub(crate) fn cost(&self, mode: PathControlMode) -> Cost {
+        self.cost_by(|_| mode)
+    }
+
+    /// With every move in a mode of its own.
+    pub(crate) fn cost_by(&self, mode: impl Fn(usize) -> PathControlMode) -> Cost {
         let mut planner = Planner::new(self.limits, self.start());
         let mut cost = Cost::default();
         let mut steps: Vec<f64> = Vec::new();
@@ -72,7 +82,7 @@ impl<const N: usize> Program<N> {
                 }
             }
         };
-        for item in self.items(mode) {
+        for item in self.items_by(mode) {
             planner.push(item).unwrap();
             drain(&mut planner);
         }
@@ -255,9 +265,9 @@ impl Draw {
     }
 
     /// Whatever a program may hold: lines and arcs of any length and turn, kinks, turns back, helices, runs of short
-    /// segments, zigzags, a rotary axis beside them and alone, feeds over decades and rapids beside them, axes whose
+    /// segments, zigzags, rotary axes beside them and alone where there are more than three, feeds over decades and rapids beside them, axes whose
     /// limits differ by decades.
-    pub(crate) fn anything(&mut self) -> Program<4> {
+    pub(crate) fn anything<const N: usize>(&mut self) -> Program<N> {
         let decades = 4.0 * self.unit() * self.unit();
         let limits = self.limits(decades);
         let size = self.log(0.02, 50.0);

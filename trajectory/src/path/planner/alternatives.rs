@@ -7,12 +7,22 @@
 //! was fitted to, or at rest. All of these stretches are planned by a planner of their own, from rest to rest with the
 //! whole moves at their ends, and the one that takes the least time is laid.
 //!
+//! Two kinds of trials are made. Curves in place of short segments stay within a lesser tolerance, with all of the
+//! tolerance left to the roundings beside them; and both stay within a lesser one. Curves are only ever fitted within
+//! [`grades`], the same for every tolerance: so what is tried within one is tried within every greater one, too,
+//! with roundings that are no smaller. (With curves fitted within the tolerance itself two tolerances had few curves in
+//! common.)
+//!
+//! A trial goes on where the mode changes, and begins where a run of short segments does, whatever comes before it. In
+//! each a move keeps its own mode as far as that rounds off no more; G61 is the least.
+//!
 //! # What it costs
 //!
 //! Nothing is tried where the tolerance can only help: between two lines, where a larger rounding is the same curve on a
-//! larger scale. Nothing is planned where the stretches are the same. What planning takes for a choice is bounded as
-//! that of windows is; beyond that what was found so far is taken. A stretch has few moves: of more short segments the
-//! tolerance makes a smoother curve, and they are joined within that alone. So no more is kept than that.
+//! larger scale. Nothing is planned where the stretches are the same, and none within still lesser tolerances once one takes
+//! much longer than the least. What planning takes for a choice is bounded as that of windows is; beyond that what was
+//! found so far is taken. A stretch has few moves: of more short segments the tolerance makes a smoother curve, and they
+//! are joined within that alone. So no more is kept than that.
 //!
 //! # What was tried
 //!
@@ -22,31 +32,41 @@
 
 use super::joining::{Joiner, Laid, LaidCurve};
 use super::{Effort, Planner};
-use crate::path::segment_fitting::ShortSegments;
+use crate::path::segment_fitting::{ShortSegments, grades};
 use crate::path::{Command, Move, PathControlMode};
 
 /// Lesser tolerances, in mm, that are tried.
-const LESSER: [f64; 7] = [1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001];
-/// A lesser tolerance differs by this part at least.
-const LESS: f64 = 0.9;
+const LESSER: [f64; 8] = [3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001];
+/// The least of them.
+const LEAST: f64 = LESSER[LESSER.len() - 1];
 /// Moves of a stretch, at most.
 const MOST_MOVES: usize = 64;
 /// What choosing may take for a stretch, cells times Newton steps: some twenty windows.
 const WORK: usize = 200_000;
+/// No lesser tolerances are tried once a stretch takes so many times the least.
+const HOPELESS: f64 = 1.05;
+/// Windows that are planned only to compare are this many times as long: fewer overlap.
+const LONGER: f64 = 2.0;
 /// Part by which a stretch within a lesser tolerance has to be sooner: by which the optimum may be missed.
 const SOONER: f64 = 3e-4;
 
 /// What moves become within lesser tolerances.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Alternatives<const N: usize> {
-    /// One for each tolerance that is tried; none where nothing else is.
-    joiners: Vec<Joiner<N>>,
-    /// What all moves of the stretch ask for.
-    asked: Option<PathControlMode>,
+    /// None where nothing else is tried.
+    trials: Vec<Trial<N>>,
     /// Moves since they differ.
     moves: usize,
     /// What choosing took so far.
     effort: Effort,
+}
+
+/// Moves joined within lesser tolerances.
+#[derive(Debug, Clone)]
+struct Trial<const N: usize> {
+    /// Corners are rounded off by no more than that, mm.
+    most: f64,
+    joiner: Joiner<N>,
 }
 
 impl<const N: usize> Alternatives<N> {
@@ -57,38 +77,46 @@ impl<const N: usize> Alternatives<N> {
     /// The joiner whose stretch takes the least time, if that is one of these.
     fn take_soonest(&mut self, joiner: &Joiner<N>) -> Option<Joiner<N>> {
         let (mut soonest, mut least) = (None, None);
+        let mut given_up = [false; 2];
         let most = self.effort.work + WORK;
-        for (number, other) in self.joiners.iter().enumerate() {
-            let mut before = self.joiners[..number].iter().chain([joiner]);
-            if before.any(|it| it.laid == other.laid) {
+        for (number, trial) in self.trials.iter().enumerate() {
+            let kind = usize::from(trial.most.is_finite());
+            let before = self.trials[..number].iter().map(|trial| &trial.joiner);
+            let mut before = before.chain([joiner]);
+            if given_up[kind] || before.any(|it| it.laid == trial.joiner.laid) {
                 continue;
             }
             let to_beat = match least {
                 Some(least) => least,
                 None => stretch_time(joiner, most, &mut self.effort)?,
             };
-            let time = stretch_time(other, most, &mut self.effort);
-            let time = time.filter(|time| *time < to_beat * (1.0 - SOONER));
-            soonest = time.map(|_| number).or(soonest);
-            least = Some(time.unwrap_or(to_beat));
+            let Some(time) = stretch_time(&trial.joiner, most, &mut self.effort) else {
+                break;
+            };
+            given_up[kind] = time > to_beat * HOPELESS;
+            least = Some(to_beat);
+            if time < to_beat * (1.0 - SOONER) {
+                (soonest, least) = (Some(number), Some(time));
+            }
         }
-        soonest.map(|number| self.joiners.swap_remove(number))
+        soonest.map(|number| self.trials.swap_remove(number).joiner)
     }
 }
 
 impl<const N: usize> Planner<N> {
     /// Goes on with a move that begins where the last one ended.
     pub(super) fn push_move(&mut self, motion: Move<N>) {
-        if self.alternatives.asked.is_some_and(|it| it != motion.mode) {
-            self.alternatives.joiners.clear();
-        }
-        if self.alternatives.joiners.is_empty() && self.joiner.short_segments.is_none() {
+        let short_segments = self.joiner.short_segments.as_ref();
+        if self.alternatives.trials.is_empty()
+            && short_segments.is_none_or(|it| !it.may_go_on(&motion))
+        {
             self.try_lesser_tolerances(&motion);
         }
         self.joiner.push(motion);
         let alternatives = &mut self.alternatives;
         alternatives.moves += 1;
-        for (joiner, mode) in alternatives.joiners.iter_mut().zip(lesser(motion.mode)) {
+        for Trial { most, joiner } in &mut alternatives.trials {
+            let mode = motion.mode.within(*most);
             joiner.push(Move { mode, ..motion });
         }
         self.take_laid();
@@ -98,34 +126,43 @@ impl<const N: usize> Planner<N> {
     fn try_lesser_tolerances(&mut self, motion: &Move<N>) {
         let before = self.joiner.pending.as_ref().map(|it| &it.motion);
         let is_line = |it: &Move<N>| it.curve.direction().is_some();
-        let short = ShortSegments::begin(motion).is_some();
+        let short = self.joiner.short_segments.is_some()
+            || ShortSegments::begin(motion, f64::INFINITY).is_some();
         if !short && (before.is_none_or(is_line) && is_line(motion)) {
             return;
         }
-        let modes = lesser(motion.mode);
-        self.alternatives.joiners.extend(modes.map(|mode| {
-            let mut joiner = self.joiner.clone();
-            if let Some(pending) = &mut joiner.pending
-                && pending.motion.mode == motion.mode
-            {
-                pending.motion.mode = mode;
+        let asked = match motion.mode {
+            PathControlMode::Blend(tolerance) | PathControlMode::Merge { tolerance, .. } => {
+                tolerance
             }
-            joiner
-        }));
-        self.alternatives.asked = Some(motion.mode);
+            PathControlMode::Stop | PathControlMode::Exact(_) => return,
+        };
+        let trial = |fits_within, most| {
+            let mut joiner = self.joiner.clone();
+            joiner.fits_within = fits_within;
+            if let Some(pending) = &mut joiner.pending {
+                pending.motion.mode = pending.motion.mode.within(most);
+            }
+            Trial { most, joiner }
+        };
+        let grades = grades(asked).skip(1).take_while(|it| *it >= LEAST);
+        let fits = grades.filter(|_| short).map(|it| trial(it, f64::INFINITY));
+        let less = LESSER.into_iter().filter(|it| *it < asked);
+        let both = less.map(|it| trial(f64::INFINITY, it));
+        self.alternatives.trials = fits.chain(both).collect();
         self.alternatives.moves = 0;
     }
 
     pub(super) fn for_each_joiner(&mut self, act: impl Fn(&mut Joiner<N>)) {
         act(&mut self.joiner);
-        self.alternatives.joiners.iter_mut().for_each(act);
+        (self.alternatives.trials.iter_mut()).for_each(|trial| act(&mut trial.joiner));
     }
 
     /// Lays what the moves became, once that is known or has gone on for long.
     pub(super) fn take_laid(&mut self) {
         let alternatives = &mut self.alternatives;
-        let at_an_end = ends_alike(&self.joiner, &alternatives.joiners);
-        if !alternatives.joiners.is_empty() && !at_an_end && alternatives.moves < MOST_MOVES {
+        let at_an_end = ends_alike(&self.joiner, &alternatives.trials);
+        if !alternatives.trials.is_empty() && !at_an_end && alternatives.moves < MOST_MOVES {
             return;
         }
         if at_an_end && let Some(mut soonest) = alternatives.take_soonest(&self.joiner) {
@@ -133,33 +170,39 @@ impl<const N: usize> Planner<N> {
             if let (Some(pending), Some(asked)) = (&mut soonest.pending, asked) {
                 pending.motion.mode = asked;
             }
+            soonest.fits_within = f64::INFINITY;
             self.joiner = soonest;
         }
-        alternatives.joiners.clear();
+        alternatives.trials.clear();
         for laid in std::mem::take(&mut self.joiner.laid) {
             self.lay(laid);
         }
     }
 }
 
-/// Lesser tolerances, the greatest first.
-fn lesser(mode: PathControlMode) -> impl Iterator<Item = PathControlMode> {
-    let asked = match mode {
-        PathControlMode::Blend(tolerance) | PathControlMode::Merge { tolerance, .. } => tolerance,
-        PathControlMode::Stop | PathControlMode::Exact(_) => 0.0,
-    };
-    let less = LESSER.into_iter().filter(move |it| *it < LESS * asked);
-    less.map(move |tolerance| match mode {
-        PathControlMode::Merge { within, .. } => PathControlMode::Merge { tolerance, within },
-        _ => PathControlMode::Blend(tolerance),
-    })
+impl PathControlMode {
+    /// The same, but for corners that may be rounded off by no more than that, mm.
+    fn within(self, most: f64) -> Self {
+        match self {
+            Self::Blend(tolerance) => Self::Blend(tolerance.min(most)),
+            Self::Merge { tolerance, within } => Self::Merge {
+                tolerance: tolerance.min(most),
+                within,
+            },
+            Self::Stop | Self::Exact(_) => self,
+        }
+    }
 }
 
 /// Whether all go on from the same move, but for what roundings take of it, or from rest.
-fn ends_alike<const N: usize>(joiner: &Joiner<N>, others: &[Joiner<N>]) -> bool {
+fn ends_alike<const N: usize>(joiner: &Joiner<N>, others: &[Trial<N>]) -> bool {
     let end = |it: &Joiner<N>| it.pending.as_ref().map(|pending| pending.motion.curve);
     let ended = |it: &Joiner<N>| it.short_segments.is_none();
-    ended(joiner) && (others.iter()).all(|it| ended(it) && end(it) == end(joiner))
+    let others = others.iter().map(|trial| &trial.joiner);
+    ended(joiner)
+        && others
+            .into_iter()
+            .all(|it| ended(it) && end(it) == end(joiner))
 }
 
 /// How long it takes along what was laid and what is left of the last move, from rest to rest, s. None if planning
@@ -170,6 +213,7 @@ fn stretch_time<const N: usize>(
     effort: &mut Effort,
 ) -> Option<f64> {
     let mut planner = Planner::new(joiner.limits, [0.0; N]);
+    planner.horizon *= LONGER;
     let last = joiner.pending.as_ref().map(|pending| {
         let Move {
             curve, feed, tag, ..

@@ -32,6 +32,8 @@ pub(super) struct Joiner<const N: usize> {
     pub(super) limits: Limits<N>,
     /// Positions that curves of its own stay between.
     pub(super) bounds: [PositionLimits; N],
+    /// What curves in place of short segments stay within at most, mm.
+    pub(super) fits_within: f64,
     /// Short segments that may go on.
     pub(super) short_segments: Option<ShortSegments<N>>,
     pub(super) pending: Option<Pending<N>>,
@@ -102,6 +104,7 @@ impl<const N: usize> Joiner<N> {
                 min: f64::NEG_INFINITY,
                 max: f64::INFINITY,
             }; N],
+            fits_within: f64::INFINITY,
             short_segments: None,
             pending: None,
             deviation: 0.0,
@@ -125,7 +128,7 @@ impl<const N: usize> Joiner<N> {
             return;
         }
         self.join_short_segments();
-        self.short_segments = ShortSegments::begin(&motion);
+        self.short_segments = ShortSegments::begin(&motion, self.fits_within);
         if self.short_segments.is_none() {
             self.join(Part {
                 motion,
