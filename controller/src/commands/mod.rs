@@ -266,7 +266,9 @@ fn core(text: &str) -> Result<usize, String> {
 /// signal that an input of the machine is wired to, as that tells it by its name. `verbose` tells those, too.
 fn told_event(event: &control::Event, layout: &Layout, verbose: bool) -> Option<String> {
     let once_more = match event {
-        control::Event::Signal { device, signal, .. } => layout.is_input(*device, *signal),
+        control::Event::Signal { device, signal, .. } => {
+            layout.is_input(*device, *signal) || layout.is_output(*device, *signal)
+        }
         _ => false,
     };
     let tells = verbose || !(event.is_routine() || once_more);

@@ -4,12 +4,13 @@ use super::fault::{AxisIndex, BusCause, BusIndex, DeviceIndex, Names};
 use super::inputs::InputIndex;
 use crate::budget::{BusBudget, DoesNotFit, MachineBudget};
 use crate::machine::{
-    self, AxisLimits, Homing, HomingPolicy, Kept, Machine, MachineState, Motion, NotKept,
-    ProbeCaptures, Probing, Seat, Spindle, SpindleDrive, TURN,
+    self, AnalogSource, AxisLimits, Homing, HomingPolicy, Kept, Machine, MachineState, Motion,
+    NotKept, OutputSwitch, ProbeCaptures, Probing, Seat, Spindle, SpindleDrive, TURN,
 };
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, NodeId};
 use syncline_drives::model::{Device, Direction, Feedback, Increments, Scaling};
+use syncline_gcode::Output;
 use syncline_trajectory::limits::Limits;
 use syncline_trajectory::path::Retraction;
 use syncline_trajectory::shaper::Shaper;
@@ -453,6 +454,26 @@ impl Layout {
     pub(crate) fn is_input(&self, device: DeviceIndex, signal: usize) -> bool {
         let mut inputs = self.inputs.iter();
         inputs.any(|input| (input.node, input.signal) == (device, signal))
+    }
+
+    /// Whether a signal of a device is an output that the machine file names.
+    pub(crate) fn is_output(&self, device: DeviceIndex, signal: usize) -> bool {
+        // A device's signals are its inputs and behind them its outputs.
+        let inputs = self.devices[device].device.spec().model.inputs.len();
+        let mut outputs = self.outputs.iter();
+        outputs.any(|output| (output.node, inputs + output.signal) == (device, signal))
+    }
+
+    /// Whether what a program switches is an output that the machine file names.
+    pub(crate) fn has_output(&self, output: Output) -> bool {
+        match output {
+            Output::Digital { number, .. } => {
+                (self.outputs.iter()).any(|output| output.switch == OutputSwitch::Program(number))
+            }
+            Output::Analog { number, .. } => (self.analog_outputs.iter())
+                .any(|output| output.source == AnalogSource::Program(number)),
+            Output::User { .. } => false,
+        }
     }
 }
 

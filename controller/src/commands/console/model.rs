@@ -3,7 +3,7 @@
 use super::super::told_event;
 use super::signals::Signals;
 use super::values;
-use crate::control::{Event as MachineEvent, Layout, State};
+use crate::control::{Event as MachineEvent, Layout, State, Switch};
 use crate::machine::{Axis, Machine};
 use crate::session::{Event, Status};
 use std::collections::VecDeque;
@@ -88,6 +88,11 @@ impl Model {
         match event {
             // They are in the status until a reset.
             Event::Machine(MachineEvent::Fault(_)) => {}
+            // They have a place of their own, and so many of them would push out what matters.
+            Event::Machine(MachineEvent::Switched {
+                switch: Switch::Output(output),
+                ..
+            }) if !self.verbose && layout.has_output(*output) => {}
             Event::Machine(event) => {
                 if let Some(text) = told_event(event, layout, self.verbose) {
                     self.tell(text);
@@ -146,4 +151,49 @@ fn actual_speed(before: &Status, now: &Status) -> Option<f64> {
     let squares = now.actual.iter().zip(&before.actual);
     let way: f64 = squares.map(|(now, before)| (now - before).powi(2)).sum();
     (passed > 0.0).then(|| way.sqrt() / passed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use syncline_gcode::Output;
+
+    /// A program that switches outputs all the time pushes nothing out: the screen has a row for them. What has no row is
+    /// told.
+    #[test]
+    fn outputs_push_no_message_out() {
+        let text = include_str!("../../../../examples/portal/machine.toml");
+        let wired = "[[output]]\nname = \"valve\"\ndrive = \"Y\"\nsignal = \"DQ0\"\nnumber = 1\n\n[machine]\n";
+        let text = text.replacen("[machine]\n", wired, 1);
+        let machine = Machine::parse(Path::new("machine.toml"), &text).unwrap();
+        let layout = Layout::new(&machine).unwrap();
+        let mut model = Model::new(&machine, false);
+        model.tell("what matters".to_owned());
+        let output = &machine.outputs[0];
+        let signal = machine.device(output.node).spec().model.inputs.len() + output.signal;
+        let switched = |number, on| {
+            let output = Output::Digital {
+                number,
+                on,
+                with_motion: false,
+            };
+            let switch = Switch::Output(output);
+            Event::Machine(MachineEvent::Switched { line: 3, switch })
+        };
+        for on in [true, false].into_iter().cycle().take(300) {
+            let device = output.node;
+            model.happened(&switched(1, on), &layout);
+            model.happened(
+                &Event::Machine(MachineEvent::Output { output: 0, on }),
+                &layout,
+            );
+            model.happened(
+                &Event::Machine(MachineEvent::Signal { device, signal, on }),
+                &layout,
+            );
+        }
+        assert_eq!(model.messages, ["what matters"]);
+        model.happened(&switched(9, true), &layout);
+        assert_eq!(model.messages, ["what matters", "line 3: M64 P9"]);
+    }
 }
