@@ -597,6 +597,7 @@ impl Timeline for RealTime {
     }
 
     fn order(&mut self, number: u64, order: Order) {
+        self.jobs.ordered(number, &order);
         if let Some(handle) = &mut self.handle {
             handle.order(number, order);
         }
@@ -635,8 +636,8 @@ impl Timeline for RealTime {
                 Some(it) => {
                     if let CycleReport::Event(Event::JobOver { job, .. }) = &it {
                         self.ends.reported(*job);
-                        self.jobs.over(*job);
                     }
+                    self.jobs.reported(&it);
                     report(it);
                 }
                 None if over && self.ends.is_empty() => return Ok(Progress::Ended),
