@@ -36,6 +36,16 @@ pub enum JobKind {
     Mdi,
 }
 
+impl JobKind {
+    /// The state of a machine that works on one.
+    pub(crate) const fn state(self) -> State {
+        match self {
+            Self::Program => State::Running,
+            Self::Mdi => State::Mdi,
+        }
+    }
+}
+
 /// How a job ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {

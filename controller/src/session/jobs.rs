@@ -44,6 +44,8 @@ struct AtWork {
     before: Option<Box<AtWork>>,
     /// What it resumes: if it cannot begin, that can be tried once more.
     resumes: Option<Interrupted>,
+    /// The cycle has begun it.
+    has_begun: bool,
     /// It is over, and what it has left is not known yet.
     is_over: bool,
     /// What was switched off since then.
@@ -112,14 +114,24 @@ impl Jobs {
     /// The state as operators have it, who are shown `shown`: until a job has left what the next one
     /// begins with it is at work, or being stopped, also where the machine rests already.
     pub(super) fn state(&self, machine: State, shown: State) -> State {
-        match &self.at_work {
+        // What the cycle may yet refuse is not at work.
+        let at_work = self.at_work.as_ref().and_then(|it| match it.has_begun {
+            true => Some(it),
+            false => it.before.as_deref(),
+        });
+        match at_work {
             Some(_) if machine == State::Ready && shown == State::Stopping => shown,
             Some(AtWork { is_over: true, .. }) if machine == State::Held => State::Mdi,
-            Some(AtWork { job, .. }) if machine == State::Ready => match job.kind {
-                JobKind::Program => State::Running,
-                JobKind::Mdi => State::Mdi,
-            },
+            Some(AtWork { job, .. }) if machine == State::Ready => job.kind.state(),
             _ => machine,
+        }
+    }
+
+    /// The state in which a command is looked at that comes behind a job which has not begun yet: as if it had.
+    pub(super) fn expected(&self, shown: State) -> State {
+        match &self.at_work {
+            Some(it) if !it.has_begun && shown == State::Ready => it.job.kind.state(),
+            _ => shown,
         }
     }
 
@@ -226,6 +238,7 @@ impl Jobs {
             is_beside,
             before: self.at_work.take().map(Box::new),
             resumes: self.interrupted.clone().filter(|_| resumes),
+            has_begun: false,
             is_over: false,
             switched_off: Vec::new(),
         });
@@ -280,6 +293,7 @@ impl Jobs {
         let Some(it) = self.at_work.as_mut().filter(|it| it.job.number == number) else {
             return;
         };
+        it.has_begun = true;
         let (kind, is_beside) = (it.job.kind, it.is_beside);
         let before = it.before.take();
         if kind == JobKind::Program {

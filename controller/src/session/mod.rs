@@ -324,7 +324,6 @@ impl Desk {
                 timeline.prepare(work);
                 let number = self.keep(issued, what);
                 timeline.order(number, order);
-                self.show_state();
             }
             Err(reason) => self.refuse(issued, reason),
         }
@@ -333,7 +332,8 @@ impl Desk {
     /// What a command comes to in the state that the machine is in.
     fn ask(&mut self, issued: &Issued) -> Result<Asked, Refusal> {
         let Issued { command, source } = issued;
-        let state = self.status.state;
+        let shown = self.status.state;
+        let state = (self.jobs.as_ref()).map_or(shown, |jobs| jobs.expected(shown));
         // The cycle asks the table about all others, as their orders take effect.
         let resumes = (self.jobs.as_ref()).is_some_and(|jobs| jobs.resumes(command, state));
         let asks = match command {

@@ -306,6 +306,15 @@ fn a_console_tells_an_input_by_its_name() {
     assert!(!told.contains("DI4"), "{told}");
 }
 
+/// What the machine refuses has not been at work.
+#[test]
+fn a_line_that_is_refused_is_never_told_as_at_work() {
+    let folder = Folder::new();
+    let told = console_by_lines(&folder.machine("router"), "mdi G0 X1\nstatus\n");
+    assert!(told.contains("refused: axis X is not referenced"), "{told}");
+    assert!(!told.contains("MDI:"), "{told}");
+}
+
 /// A gantry that stands a little askew, as it is enabled.
 #[test]
 fn a_console_tells_that_a_gantry_is_taken_square() {
