@@ -487,6 +487,14 @@ pub enum Until {
     Low,
 }
 
+impl Until {
+    /// Whether it is on then.
+    #[must_use]
+    pub fn is_on(self) -> bool {
+        matches!(self, Self::Rise | Self::High)
+    }
+}
+
 /// Which coolant runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Coolant {

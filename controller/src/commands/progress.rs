@@ -5,6 +5,7 @@ use super::output::Stream;
 use super::repeats::{self, Repeats};
 use super::writers::GIVE_UP;
 use super::{told, told_event};
+use crate::control::fault::Names;
 use crate::control::{self, Layout};
 use crate::machine::Machine;
 use crate::program::{Extent, Program, Reading, counted_speed};
@@ -192,6 +193,10 @@ impl Screen {
             let at: String = at.collect();
             let step = status.settings.jog_step;
             return format!("line {line}, {at}by {step} mm{otherwise}");
+        }
+        if let Some(waiting) = status.waiting {
+            let waiting = waiting.describe(|input| self.layout.input(input));
+            return format!("line {line}, {waiting}{otherwise}");
         }
         let (speed, turns) = counted_speed(&status.velocity);
         let unit = if turns { "°" } else { "mm" };

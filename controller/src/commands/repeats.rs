@@ -66,6 +66,7 @@ pub(super) fn told(text: &str, more: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::Hold;
 
     #[test]
     fn a_flood_is_told_once_and_counted() {
@@ -98,9 +99,9 @@ mod tests {
             Event::MissedTPdo { device: 2 },
             Event::LateSetpoint { bus: 0, cycle: 5 },
             Event::LateSetpoint { bus: 1, cycle: 5 },
-            Event::Held,
+            Event::Held(Hold::Operator),
             Event::Resumed,
-            Event::Held,
+            Event::Held(Hold::Operator),
         ] {
             assert!(repeats.is_news(&event, now), "{event:?}");
         }

@@ -4,7 +4,7 @@
 //! begins where the axes rest then follows, once the program knows what came of it. What an operator wants of the path
 //! meanwhile is said to what is under way.
 
-use super::{Controller, Event, Fault};
+use super::{Controller, Event, Fault, Hold};
 use std::mem::take;
 
 /// What came of a probing, of a homing that a program asked for, or of a thread.
@@ -77,7 +77,8 @@ impl<const N: usize> Controller<N> {
     }
 
     /// Has it rest on its way, or on the path; a thread is cut before.
-    pub(super) fn hold_path(&mut self) {
+    pub(super) fn hold_path(&mut self, by: Hold) {
+        self.held_by = by;
         if self.threading.is_active() {
             return self.threading.pause(true);
         }

@@ -8,6 +8,7 @@ use super::job::Outcome;
 use super::jogs::HOLD_TO_RUN;
 use super::layout::AxisSpec;
 use super::probing::{KnownBy, ProbeFailure};
+use super::rest::{Hold, Pause, Waiting};
 use super::state::State;
 use super::user_codes::UserCall;
 use crate::bus::BusFault;
@@ -247,6 +248,15 @@ pub enum Event {
         /// Which axis.
         axis: AxisIndex,
     },
+    /// A jog has taken an axis to the end of its travel.
+    TravelEnds {
+        /// Which axis.
+        axis: AxisIndex,
+        /// Where that is, mm.
+        end: f64,
+        /// It is referenced, and there is its soft limit; otherwise it is jogged no further at a time.
+        referenced: bool,
+    },
     /// A device's T_PDO did not come in time.
     MissedTPdo {
         /// Which device.
@@ -319,7 +329,9 @@ pub enum Event {
         reason: Pause,
     },
     /// The machine rests on the path until an operator goes on.
-    Held,
+    Held(Hold),
+    /// A job has rested for a while, and goes on by itself once that has come.
+    Waits(Waiting),
     /// The operator went on.
     Resumed,
     /// Axes rest off the path: the next leg of the way back, which an operator has to begin.
@@ -350,29 +362,6 @@ pub enum Event {
     Interrupted,
     /// A fault began the stop, or came on top of it.
     Fault(Fault),
-}
-
-/// Why a program waits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pause {
-    /// M0.
-    ProgramStop,
-    /// M1.
-    OptionalStop,
-    /// It begins at this line, in the middle.
-    Beginning,
-    /// It is begun in its middle, and the way there goes on with a leg that was told.
-    NextLeg,
-    /// M6 with this tool.
-    ToolChange(u32),
-    /// M66: the input with this number did not come in time.
-    NoInput(u8),
-    /// The spindle did not reach its speed in time.
-    NotAtSpeed,
-    /// M19: the spindle did not come to its angle in time.
-    NotOriented,
-    /// The command of this M-code of the user's failed, or took too long.
-    UserCode(u16),
 }
 
 /// Where the machine is between power-up and the end.
@@ -445,44 +434,21 @@ impl fmt::Display for Phase {
     }
 }
 
-impl fmt::Display for Pause {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::ProgramStop => f.write_str("program stop (M0)"),
-            Self::OptionalStop => f.write_str("optional stop (M1)"),
-            Self::Beginning => f.write_str("the program begins here once it is confirmed"),
-            Self::NextLeg => f.write_str("on the way back to the path, waits for cycle start"),
-            Self::NoInput(number) => write!(f, "input P{number} did not come in time (M66)"),
-            Self::NotAtSpeed => f.write_str("the spindle did not reach its speed in time"),
-            Self::NotOriented => f.write_str(
-                "the spindle did not come to its angle in time: free it; cycle start waits for it once more",
-            ),
-            Self::UserCode(code) => {
-                write!(
-                    f,
-                    "the command of M{code} failed or took too long; cycle start goes on without it"
-                )
-            }
-            Self::ToolChange(0) => f.write_str("tool change (M6): remove the tool"),
-            Self::ToolChange(tool) => write!(f, "tool change (M6): load tool {tool}"),
-        }
-    }
-}
-
 impl Event {
     /// Whether it happens in every run.
     #[must_use]
     pub fn is_routine(&self) -> bool {
-        matches!(
-            self,
+        match self {
+            Self::Waits(waiting) => waiting.is_routine(),
             Self::Phase(_)
-                | Self::Frozen { .. }
-                | Self::JobOver { .. }
-                | Self::State(_)
-                | Self::Power { .. }
-                | Self::Output { .. }
-                | Self::AnalogOutput { .. }
-        )
+            | Self::Frozen { .. }
+            | Self::JobOver { .. }
+            | Self::State(_)
+            | Self::Power { .. }
+            | Self::Output { .. }
+            | Self::AnalogOutput { .. } => true,
+            _ => false,
+        }
     }
 
     /// Whether it says again what another one said, and may come in every cycle.
@@ -516,7 +482,7 @@ impl Event {
     #[must_use]
     pub fn rests(&self) -> Option<bool> {
         match self {
-            Self::Held | Self::Paused { .. } | Self::StillPaused { .. } => Some(true),
+            Self::Held(_) | Self::Paused { .. } | Self::StillPaused { .. } => Some(true),
             Self::Resumed | Self::Retracing | Self::JobOver { .. } => Some(false),
             _ => None,
         }
@@ -573,6 +539,7 @@ impl Event {
             | Self::Recalled { axis, .. }
             | Self::NotRecalled { axis, .. }
             | Self::JogNotRenewed { axis }
+            | Self::TravelEnds { axis, .. }
             | Self::Presses { axis }
             | Self::IndexNear { axis, .. }
             | Self::HomingFailed { axis, .. } => return self.describe_axis(names.axis(axis)),
@@ -601,7 +568,8 @@ impl Event {
             Self::UserCode { call, line, .. } => {
                 format!("line {line}: M{}: running its command", call.code)
             }
-            Self::Held
+            Self::Held(_)
+            | Self::Waits(_)
             | Self::SpeedLost
             | Self::NextLeg(_)
             | Self::Resumed
@@ -609,7 +577,7 @@ impl Event {
             | Self::Retracing
             | Self::NoWayBack
             | Self::SetAside
-            | Self::Interrupted => return self.describe_path(),
+            | Self::Interrupted => return self.describe_path(names),
             Self::JobOver { .. } | Self::State(_) | Self::Kept { .. } => return None,
             Self::Fault(fault) => format!("FAULT: {}", fault.describe(names)),
         })
@@ -639,9 +607,10 @@ impl Event {
     }
 
     /// What the path does for an operator.
-    fn describe_path(&self) -> Option<String> {
+    fn describe_path(&self, names: &impl Names) -> Option<String> {
         Some(match *self {
-            Self::Held => "feed hold: held on the path".to_owned(),
+            Self::Held(hold) => hold.describe(names),
+            Self::Waits(waiting) => waiting.describe(|input| names.input(input)),
             Self::SpeedLost => SPEED_LOST.to_owned(),
             Self::NextLeg(leg) => describe_leg(&leg),
             Self::Resumed => "going on".to_owned(),
@@ -754,6 +723,17 @@ impl Event {
             Self::JogNotRenewed { .. } => format!(
                 "axis {name} stops: its jog was not renewed for {} ms",
                 HOLD_TO_RUN.as_millis()
+            ),
+            Self::TravelEnds {
+                end,
+                referenced: true,
+                ..
+            } => {
+                format!("axis {name} stops at its soft limit, {end:.3} {unit}")
+            }
+            Self::TravelEnds { .. } => format!(
+                "axis {name} stops: it is not homed, and is jogged by {:.3} {unit} at most at a time",
+                axis.homing.jog_distance
             ),
             Self::HomingFailed { failure, .. } => failure.describe(axis),
             Self::IndexNear { distance, .. } => format!(

@@ -1,12 +1,12 @@
 //! Inputs of the machine that mean something: an external enable, feed hold, cycle start, a door, and
 //! those that a program waits for.
 //!
-//! An input acts when its level changes. One that is on when it is first seen starts nothing; but what
-//! an open door forbids it forbids by its level, and so does an enable that is off.
+//! An input acts when its level changes. One that is on when it is first seen starts nothing; but what an open door, or
+//! the input for feed hold, forbids it forbids by its level: nothing begins to move. So does an enable that is off.
 
 use super::fault::Fault;
 use super::functions::MachineFunctions;
-use super::{Controller, Event, Goal, HomingFailure, Phase, Request, State};
+use super::{Controller, Event, Goal, Hold, HomingFailure, Phase, Request, State, Waiting};
 use crate::machine::{AnalogSource, Input, InputMeaning, MOST_INPUTS, OutputSwitch};
 use std::sync::Arc;
 use std::time::Duration;
@@ -152,7 +152,7 @@ impl<const N: usize> Controller<N> {
                 let on = change != Change::Off;
                 self.tell(Event::Input { input: index, on });
                 if change == Change::On {
-                    self.input_came_on(input.meaning);
+                    self.input_came_on(index, input.meaning);
                 }
             }
         }
@@ -169,19 +169,19 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    fn input_came_on(&mut self, meaning: InputMeaning) {
+    fn input_came_on(&mut self, input: InputIndex, meaning: InputMeaning) {
         let state = self.state();
         match meaning {
             // It would go on to its end.
             InputMeaning::Door if self.threading.has_begun() => self.interrupt(),
             InputMeaning::FeedHold | InputMeaning::Door if state.allows(Request::FeedHold) => {
-                self.hold_path();
+                self.hold_path(Hold::Input(input));
             }
             InputMeaning::FeedHold | InputMeaning::Door if self.phase == Phase::Square => {
                 self.stop_squaring();
                 // What is to begin then waits for an operator.
                 if self.job.is_some() {
-                    self.executor.feed_hold();
+                    self.hold_path(Hold::Input(input));
                 }
             }
             InputMeaning::FeedHold if state == State::Homing => {
@@ -193,9 +193,16 @@ impl<const N: usize> Controller<N> {
             InputMeaning::Probe | InputMeaning::ToolSetter => self.touched(),
             // To read it anew takes an operator, who is told what it begins with.
             InputMeaning::CycleStart if self.rests_aside() => self.tell(Event::SetAside),
-            InputMeaning::CycleStart
-                if state.allows(Request::GoOn) && self.open_door().is_none() =>
-            {
+            InputMeaning::CycleStart if state.allows(Request::GoOn) => {
+                if let Some(input) = self.holding_input() {
+                    if state == State::Held {
+                        self.tell(Event::Held(Hold::Input(input)));
+                    }
+                    return;
+                }
+                if let Some(overrides) = self.rests_for_speed() {
+                    return self.tell(Event::Waits(Waiting::Override(overrides)));
+                }
                 self.go_on();
                 if self.is_path_held() && !self.executor.wants_speed() {
                     self.resume_path();
@@ -205,13 +212,17 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// A door that is open, if one is.
-    pub(super) fn open_door(&self) -> Option<InputIndex> {
+    /// An input that is on and with which nothing may begin to move: a door that is open, or a feed hold.
+    pub(super) fn holding_input(&self) -> Option<InputIndex> {
+        let holds = |meaning| [InputMeaning::Door, InputMeaning::FeedHold].contains(&meaning);
         let mut inputs = self.layout.inputs.iter().enumerate();
-        let open = inputs.find(|(index, input)| {
-            input.meaning == InputMeaning::Door && self.inputs.is_on(*index)
-        });
-        open.map(|(index, _)| index)
+        let on = inputs.find(|(index, input)| holds(input.meaning) && self.inputs.is_on(*index));
+        on.map(|(index, _)| index)
+    }
+
+    /// Whether an input of the machine is a door.
+    pub(super) fn is_door(&self, input: InputIndex) -> bool {
+        self.layout.inputs[input].meaning == InputMeaning::Door
     }
 
     /// What the inputs and outputs are, for the program's reading with this number; the path goes on. In a hold an operator
@@ -290,6 +301,11 @@ impl<const N: usize> Controller<N> {
             was: is_there,
         });
         (self.layout.cycle * (self.cycle - since) as u32, was)
+    }
+
+    /// The cycle since which the path has rested for what it awaits.
+    pub(super) fn awaited_since(&self) -> Option<u64> {
+        self.awaited.map(|awaited| awaited.since)
     }
 
     /// Whether the input that the path rests for is there; `None` while neither it nor the time has come.

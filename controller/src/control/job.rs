@@ -93,10 +93,7 @@ impl<const N: usize> Controller<N> {
                 None if self.executor.is_off_path() => State::Jogging,
                 None => State::Ready,
                 Some(_) if self.held || self.pause_told => State::Held,
-                Some(job) => match job.kind {
-                    JobKind::Program => State::Running,
-                    JobKind::Mdi => State::Mdi,
-                },
+                Some(job) => job.kind.state(),
             },
             _ => State::Stopping,
         }
@@ -329,7 +326,7 @@ impl<const N: usize> Controller<N> {
             }
             // Held besides, it stays so.
             self.tell(match self.executor.is_held() {
-                true => Event::Held,
+                true => Event::Held(self.holds()),
                 false => Event::Resumed,
             });
         }

@@ -52,6 +52,9 @@ impl<const N: usize> Controller<N> {
             self.executor.feed_hold();
         }
         let taken = self.executor.jog(jog, &travel);
+        if let (Ok(()), Some((axis, end))) = (taken, towards(jog, &travel)) {
+            self.jogs_towards[axis] = Some(end);
+        }
         match (taken, jog) {
             (Ok(()), Jog::Continuous { axis, .. }) => self.renew_jog(axis),
             (Err(_), _) if beside_nothing => self.rest_here(),
@@ -68,6 +71,28 @@ impl<const N: usize> Controller<N> {
         }
     }
 
+    /// Tells of axes that a jog has taken to the end of their travel, where they go no further.
+    pub(super) fn tell_travel_ends(&mut self) {
+        for axis in 0..self.axes.len() {
+            let at = self.axes[axis].coordinate();
+            let Some(end) = self.jogs_towards[at] else {
+                continue;
+            };
+            let there = self.executor.jogged_to(at);
+            if there == Some(end) {
+                let referenced = self.axes[axis].is_referenced();
+                self.tell(Event::TravelEnds {
+                    axis,
+                    end,
+                    referenced,
+                });
+            }
+            if there.is_some() || !self.executor.is_jogged() {
+                self.jogs_towards[at] = None;
+            }
+        }
+    }
+
     /// Ends continuous jogs that nobody renewed in time. Those of a homing have bounds of their own.
     pub(super) fn end_lost_jogs(&mut self) {
         if self.homing.is_active() {
@@ -81,4 +106,15 @@ impl<const N: usize> Controller<N> {
             }
         }
     }
+}
+
+/// The axis that a jog moves by a distance, or on and on, and where its travel ends in that direction.
+fn towards<const N: usize>(jog: Jog<N>, travel: &[Option<Travel>; N]) -> Option<(usize, f64)> {
+    let (axis, by) = match jog {
+        Jog::Continuous { axis, velocity } => (axis, velocity),
+        Jog::Step { axis, distance, .. } => (axis, distance),
+        Jog::To(_) | Jog::Line { .. } => return None,
+    };
+    let PositionLimits { min, max } = travel.get(axis).copied().flatten()?.bounds;
+    Some((axis, if by > 0.0 { max } else { min }))
 }

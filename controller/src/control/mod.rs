@@ -19,6 +19,7 @@
 //! - `limit_switches`: those beyond which no axis is sent
 //! - `beside_path`: what probings, homings and threads have in common: what came of them, holding and going on
 //! - `threading`: lines in step with the spindle
+//! - `rest`: why a job rests
 //! - `sampled`: motion that others have planned, sample by sample
 //! - `probing`: towards what a probe touches, and where that was
 //! - `jogs`: how far, how fast and how long axes are jogged
@@ -59,6 +60,7 @@ mod point_to_point;
 mod polls;
 mod probing;
 pub mod reaction;
+mod rest;
 mod sampled;
 mod sdo_sequence;
 mod setpoint_guard;
@@ -73,7 +75,7 @@ mod user_codes;
 
 pub use axis::AxisSample;
 pub use beside_path::Found;
-pub use event::{Event, Pause, Phase};
+pub use event::{Event, Phase};
 pub use fault::Fault;
 pub use functions::{MachineFunctions, Switch};
 pub use homing::{HomingFailure, LostReference, NotRecalled};
@@ -87,6 +89,7 @@ pub use order::{Order, Refusal};
 pub use point_to_point::PointToPoint;
 pub use probing::{KnownBy, ProbeFailure, ProbeMove};
 pub use reaction::{Cause, Clearing, Reaction};
+pub use rest::{Hold, Pause, Waiting, ZeroOverrides};
 pub use setpoint_guard::Quantity;
 pub use spindle::SpindleSample;
 pub use state::{NotNow, Request, State};
@@ -106,6 +109,7 @@ use node::DeviceNode;
 use orientation::Orienter;
 use probing::Probing;
 use reaction::RULES;
+use rest::RestsFor;
 use sampled::AlongSamples;
 use setpoint_misses::SetpointMisses;
 use spindle::SpindleWatch;
@@ -178,6 +182,8 @@ pub struct Row<const N: usize> {
     pub measured: [Option<MeasuredSample>; MEASURED],
     /// Program line of the block that is at work while the path rests for it.
     pub rests_for: Option<u32>,
+    /// What the job waits for, where nothing moves and no operator holds it.
+    pub waiting: Option<Waiting>,
     /// How many cycles ago the axes were at the first of the samples that they go along.
     pub along: Option<u64>,
 }
@@ -266,6 +272,8 @@ pub struct Controller<const N: usize> {
     executor: Executor<N>,
     /// By coordinate: in which cycle its continuous jog ends unless it is renewed.
     jogs_until: [u64; N],
+    /// By coordinate: where the travel of an axis ends in the direction of its last jog, until that is over.
+    jogs_towards: [Option<f64>; N],
     shaping: Shaping<N>,
     /// The plan, shaped, at the setpoint that the next SYNC latches.
     planned: Setpoint<N>,
@@ -312,6 +320,11 @@ pub struct Controller<const N: usize> {
     unplanned: u64,
     /// At rest until an operator goes on.
     held: bool,
+    /// What asked for the hold.
+    held_by: Hold,
+    /// What holds it, as told.
+    told_hold: Hold,
+    rests_for: RestsFor,
     /// The leg of the way back to the path that was told last, while it is next.
     told_leg: Option<Leg<N>>,
     /// As told.
@@ -367,6 +380,7 @@ impl<const N: usize> Controller<N> {
             shaping: Shaping::new(&layout.shaper, period, executor.setpoint()),
             executor,
             jogs_until: [0; N],
+            jogs_towards: [None; N],
             mode_cycle: None,
             frozen: false,
             left_out: false,
@@ -395,6 +409,9 @@ impl<const N: usize> Controller<N> {
             begun: false,
             unplanned: 0,
             held: false,
+            held_by: Hold::Operator,
+            told_hold: Hold::Operator,
+            rests_for: RestsFor::default(),
             told_leg: None,
             told_state: State::Starting,
             late_plans: 0,
@@ -520,8 +537,13 @@ impl<const N: usize> Controller<N> {
         }
         self.supervise(due);
         self.end_lost_jogs();
+        self.tell_travel_ends();
         if let Err(fault) = self.step(out) {
             self.fail(fault);
+        }
+        let waiting = self.waits_for();
+        if let Some(row) = &mut self.row {
+            row.waiting = waiting;
         }
         self.command(now, out);
         self.send_acyclic(due, out);

@@ -1,7 +1,7 @@
 //! What the session, or the program's feeder, orders.
 
 use super::state::{NotNow, Request};
-use super::{Controller, Event, Goal, Job, JobKind, State, StopPoint};
+use super::{Controller, Event, Goal, Hold, Job, JobKind, State, StopPoint, ZeroOverrides};
 use crate::machine::COORDINATES;
 use std::mem::take;
 use syncline_gcode::AxisLetter;
@@ -79,6 +79,9 @@ pub enum Refusal {
     /// It would set something in motion while a door is open.
     #[error("a door is open: close it, then go on")]
     DoorOpen,
+    /// It would set something in motion while the input for feed hold is on.
+    #[error("the input for feed hold is on: switch it off, then go on")]
+    FeedHoldOn,
     /// A jog cannot be.
     #[error("no jog: {}", why_no_jog(*.0))]
     Jog(JogError),
@@ -117,6 +120,9 @@ pub enum Refusal {
     /// Axes move beside the path, or are about to, and it waits for them.
     #[error("axes move beside the path, which nothing takes back: feed hold and resume, or stop")]
     NoWayBack,
+    /// Nothing is left of the programmed speed, so that nothing would move.
+    #[error("{0}")]
+    NoSpeed(ZeroOverrides),
     /// It needs the axes at rest.
     #[error("axes move: feed hold, wait until they rest, then command it again")]
     Moving,
@@ -174,8 +180,11 @@ impl<const N: usize> Controller<N> {
         {
             return Err(NotNow { request, state }.into());
         }
-        if self.open_door().is_some() && self.moves(order) {
-            return Err(Refusal::DoorOpen);
+        if let Some(input) = self.holding_input().filter(|_| self.moves(order)) {
+            return Err(match self.is_door(input) {
+                true => Refusal::DoorOpen,
+                false => Refusal::FeedHoldOn,
+            });
         }
         self.check_references(&order)?;
         self.check_limit_switches(&order)?;
@@ -183,12 +192,16 @@ impl<const N: usize> Controller<N> {
         if self.rests_aside() && leads_on {
             return Err(Refusal::SetAside);
         }
+        let goes_on = matches!(order, Order::CycleStart | Order::Resume);
+        if let Some(overrides) = self.rests_for_speed().filter(|_| goes_on) {
+            return Err(Refusal::NoSpeed(overrides));
+        }
         match order {
             Order::Begin(lines) if state == State::Held => self.begin_beside(lines)?,
             Order::Begin(job) => self.begin(job),
             Order::TakeUp(job) => self.take_up(job)?,
             Order::CycleStart => self.go_on(),
-            Order::FeedHold => self.hold_path(),
+            Order::FeedHold => self.hold_path(Hold::Operator),
             Order::Resume => self.resume_path(),
             Order::ToggleFeedHold => {
                 // Without a job there is no path to go back to: what is jogged stops.
@@ -196,7 +209,7 @@ impl<const N: usize> Controller<N> {
                 if held && !self.executor.wants_speed() {
                     self.resume_path();
                 } else {
-                    self.hold_path();
+                    self.hold_path(Hold::Operator);
                 }
             }
             Order::SingleBlock(on) => self.executor.set_single_block(on),

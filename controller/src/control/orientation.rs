@@ -20,6 +20,7 @@ use super::fault::SpindleCause;
 use super::layout::{OrientationSpec, SpindleSpec};
 use super::{Controller, Event, Fault, Pause, Phase};
 use crate::machine::TURN;
+use std::time::Duration;
 use syncline_gcode::{Orientation, Way};
 use syncline_trajectory::profile::{Profile, State};
 use syncline_trajectory::state_to_state;
@@ -164,9 +165,15 @@ impl<const N: usize> Controller<N> {
         Some(60.0 * velocity)
     }
 
+    /// How long the spindle may take to its angle.
+    pub(super) fn orients_within(&self) -> Option<Duration> {
+        let (told, _, spec) = self.orientation()?;
+        Some(told.within.unwrap_or(spec.within))
+    }
+
     /// The path rests until the spindle has come to its angle, which may take so long.
     pub(super) fn await_orientation(&mut self, line: u32) {
-        let Some((told, _, spec)) = self.orientation() else {
+        let Some(within) = self.orients_within() else {
             return self.executor.pass();
         };
         let is_there = self.orienter.0.is_some_and(|it| it.reached && it.off == 0);
@@ -174,7 +181,7 @@ impl<const N: usize> Controller<N> {
         if is_there {
             self.awaited = None;
             self.executor.pass();
-        } else if waited >= told.within.unwrap_or(spec.within) {
+        } else if waited >= within {
             self.awaited = None;
             self.pause_told = true;
             let reason = Pause::NotOriented;

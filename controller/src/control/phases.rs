@@ -5,7 +5,7 @@ use super::axis::AxisControl;
 use super::beside_path::BesidePath;
 use super::fault::{AwaitedState, DeviceCause, DeviceIndex, Fault};
 use super::{
-    COMMAND_CYCLES, Controller, DeviceNode, End, Event, Goal, NO_PLAN, Outcome, Pause, Phase,
+    COMMAND_CYCLES, Controller, DeviceNode, End, Event, Goal, Hold, NO_PLAN, Outcome, Pause, Phase,
     STILL, STILL_CYCLES, StopPoint,
 };
 use crate::bus::Outbox;
@@ -13,7 +13,6 @@ use crate::machine::InputMeaning;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Transmit, nmt};
 use syncline_drives::model::PowerCommand;
-use syncline_gcode::Until;
 use syncline_trajectory::path::Leg;
 
 /// `#5399` behind an M66 whose input did not come (RS-274/NGC in LinuxCNC).
@@ -31,6 +30,7 @@ impl<const N: usize> Controller<N> {
                     self.tell(Event::LatePlan);
                 }
                 self.step_program();
+                self.tell_waiting();
                 self.watch_plan()
             }
             _ => {
@@ -241,8 +241,8 @@ impl<const N: usize> Controller<N> {
                 {
                     return self.fail(fault);
                 }
-                if self.job.is_some() && self.open_door().is_some() {
-                    self.executor.feed_hold();
+                if let Some(input) = self.holding_input().filter(|_| self.job.is_some()) {
+                    self.hold_path(Hold::Input(input));
                 }
             }
             Phase::Stop => {
@@ -405,16 +405,7 @@ impl<const N: usize> Controller<N> {
         if self.executor.retraces() && came_from == Some(self.planned.distance) {
             self.tell(Event::NoWayBack);
         }
-        if rests != self.held {
-            self.held = rests;
-            let pause = self.reached().filter(|_| self.pause_told);
-            self.tell(match pause {
-                _ if rests => Event::Held,
-                Some(StopPoint::Pause { reason, line }) => Event::StillPaused { line, reason },
-                _ if self.executor.retraces() => Event::Retracing,
-                _ => Event::Resumed,
-            });
-        }
+        self.tell_hold(rests);
         // The path may be held, or on its way back from where it was retraced or jogged to.
         let waits_here = self.path_rests() && !self.executor.is_off_path();
         let is_theirs = matches!(self.reached(), Some(StopPoint::PointToPoint { .. }));
@@ -506,8 +497,7 @@ impl<const N: usize> Controller<N> {
         if let (Some(came), InputMeaning::Program(_)) = (came, wait.input) {
             self.input_result = match wait.until {
                 _ if !came => NOT_IN_TIME,
-                Until::Rise | Until::High => 1.0,
-                Until::Fall | Until::Low => 0.0,
+                until => f64::from(u8::from(until.is_on())),
             };
         }
         match came {
@@ -566,9 +556,10 @@ impl<const N: usize> Controller<N> {
         Ok(())
     }
 
-    /// Gantries that stand a little askew are taken square, but after a reset, which moves nothing, and with an open door.
+    /// Gantries that stand a little askew are taken square, but after a reset, which moves nothing, and while a door
+    /// is open or the input for feed hold is on.
     fn take_square(&mut self) -> Result<(), Fault> {
-        if self.resets || self.open_door().is_some() {
+        if self.resets || self.holding_input().is_some() {
             return self.keep_apart();
         }
         for index in 0..self.axes.len() {

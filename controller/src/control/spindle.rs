@@ -15,7 +15,7 @@
 use super::fault::SpindleCause;
 use super::inputs::AT_SPEED_BEFORE;
 use super::layout::{Layout, SpindleSpec};
-use super::{Controller, Event, Fault, Phase, Request};
+use super::{Controller, Event, Fault, Hold, Phase, Request};
 use crate::machine::{TURN, degrees_per_second};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -300,7 +300,7 @@ impl<const N: usize> Controller<N> {
             // Who goes on without it does so until it comes again.
             self.spindle.kept.reached = false;
             self.tell(Event::SpeedLost);
-            self.hold_path();
+            self.hold_path(Hold::Operator);
         }
         Ok(())
     }

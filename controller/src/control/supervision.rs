@@ -136,6 +136,7 @@ impl<const N: usize> Controller<N> {
                 }),
                 line => line,
             },
+            waiting: None,
             along: self.along_samples.since(self.cycle),
         });
     }

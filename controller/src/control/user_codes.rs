@@ -9,7 +9,7 @@ use super::{Controller, Event, Pause};
 use syncline_canopen::time::Duration;
 
 /// So much later than a command's time is over nobody is waited for who is to say so, with the reason.
-const GRACE: Duration = Duration::from_millis(500);
+pub(super) const GRACE: Duration = Duration::from_millis(500);
 
 /// An M-code of the user's with its words.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,6 +46,11 @@ impl UserCalls {
     /// Another job begins.
     pub(super) fn restart(&mut self) {
         self.last = None;
+    }
+
+    /// The cycle in which the last one of the job at work began.
+    pub(super) fn since(&self) -> Option<u64> {
+        self.last.map(|last| last.since)
     }
 
     /// Takes what came of the call with that number.

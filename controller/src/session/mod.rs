@@ -697,6 +697,7 @@ impl Desk {
             velocity: row.plan.velocity,
             passed: self.observers.passed(),
             off_path: row.plan.off_path,
+            waiting: row.waiting,
             ..std::mem::take(&mut self.status)
         };
     }

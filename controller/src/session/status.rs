@@ -1,7 +1,7 @@
 //! How things are: one snapshot, replaced at most once a cycle.
 
 use super::Settings;
-use crate::control::{MeasuredSample, Phase, SpindleSample, State};
+use crate::control::{MeasuredSample, Phase, SpindleSample, State, Waiting};
 use crate::machine::{COORDINATES, MEASURED};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -51,6 +51,8 @@ pub struct Status {
     pub passed: f64,
     /// At rest on the path until an operator goes on: a feed hold or a program stop.
     pub waits: bool,
+    /// What the job waits for, where nothing moves and no operator holds it.
+    pub waiting: Option<Waiting>,
     /// Axes are jogged away from the path, or go back to it.
     pub off_path: bool,
     /// Path speed that is asked for, after overrides, mm/s or °/s; `None` for a rapid.
@@ -124,6 +126,7 @@ impl Default for Status {
             velocity: [0.0; COORDINATES],
             passed: 0.0,
             waits: false,
+            waiting: None,
             off_path: false,
             feed: Some(0.0),
             target: [0.0; COORDINATES],

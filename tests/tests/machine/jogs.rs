@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use serde_json::Value;
 use std::path::Path;
-use syncline_controller::control::{End, Event, HOLD_TO_RUN, NotNow, Order, Request, State};
+use syncline_controller::control::{End, Event, HOLD_TO_RUN, Hold, NotNow, Order, Request, State};
 use syncline_controller::session::{
     self, Accepted, Command, Direction, Jog as SessionJog, Override, StepChange,
 };
@@ -201,9 +201,60 @@ fn a_jog_is_told_as_a_hold_that_lasts() {
     let told = rig
         .events
         .iter()
-        .filter(|it| matches!(it, Event::Held | Event::Resumed));
+        .filter(|it| matches!(it, Event::Held(_) | Event::Resumed));
     use Event::{Held, Resumed};
-    assert!(told.eq(&[Held, Resumed, Held, Resumed]), "{:?}", rig.events);
+    let held = Held(Hold::Operator);
+    assert!(told.eq(&[held, Resumed, held, Resumed]), "{:?}", rig.events);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 16, ..ProptestConfig::default() })]
+
+    /// That an axis has stopped at the end of its travel is told, once, and of no other stop: in a hold and without a job,
+    /// of a step and of a jog that is held on.
+    #[test]
+    fn a_jog_that_ends_at_a_soft_limit_says_so(
+        held: bool,
+        on_and_on: bool,
+        positive: bool,
+        distance in prop_oneof![1.0..100.0f64, 200.0..2000.0f64],
+    ) {
+        let mut rig = ready_with(&[]);
+        rig.goes_on = false;
+        go(&mut rig, Command::Mdi("G0 Z-60".to_owned()));
+        if held {
+            rig.command(Command::Mdi("G1 X300 F6000".to_owned()));
+            rig.run_until(|rig| rig.session.status().setpoint[0] > 50.0);
+            go(&mut rig, Command::FeedHold);
+        }
+        let direction = if positive { Direction::Positive } else { Direction::Negative };
+        let axis = AxisLetter::Z;
+        let jog = match on_and_on {
+            true => SessionJog::Continuous { axis, direction, speed: Some(50.0) },
+            false => SessionJog::By { axis, distance: direction.of(distance), speed: None },
+        };
+        // The axis and its travel.
+        let spec = rig.layout.axes.iter().position(|it| it.coordinate == axis.index());
+        let spec = spec.expect("Z");
+        let (min, max) = rig.layout.axes[spec].limits.position;
+        let end = if positive { max } else { min };
+        rig.command(Command::Jog(jog));
+        let time = if on_and_on { (distance / 50.0).min(6.0) } else { 6.0 };
+        for _ in 0..(time / rig.machine.cycle.as_secs_f64()) as usize / 40 {
+            wait(&mut rig, 40);
+            rig.command(Command::RenewJog(axis));
+        }
+        wait(&mut rig, 500);
+        let there = rig.session.status().setpoint[axis.index()];
+        let told: Vec<_> = rig.events.iter().filter(|it| matches!(it, Event::TravelEnds { .. })).collect();
+        let expected = Event::TravelEnds { axis: spec, end, referenced: true };
+        match there == end {
+            true => prop_assert_eq!(told, [&expected]),
+            false => prop_assert!(told.is_empty(), "{told:?} at {there}"),
+        }
+        let text = expected.describe(&*rig.layout).unwrap_or_default();
+        prop_assert!(text.contains("stops at its soft limit"), "{}", text);
+    }
 }
 
 /// Keys on a terminal: in a hold, and at a program stop.

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use syncline_controller::control::{Event, Layout};
+use syncline_controller::control::{Event, Hold, Layout};
 use syncline_controller::machine::Machine;
 use syncline_controller::observe::Observers;
 use syncline_controller::program::Program;
@@ -225,7 +225,7 @@ proptest! {
 fn rests(rig: &Rig) -> usize {
     rig.events
         .iter()
-        .filter(|event| **event == Event::Held)
+        .filter(|event| **event == Event::Held(Hold::Operator))
         .count()
 }
 

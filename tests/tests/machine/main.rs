@@ -63,6 +63,7 @@ mod recorder;
 mod references;
 mod remaining;
 mod replayed;
+mod rests;
 mod results;
 mod resumed;
 mod resumed_homing;

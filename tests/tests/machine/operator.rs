@@ -2,7 +2,7 @@
 //! path stays the programmed one and every axis inside its limits, by the trace.
 
 use std::path::Path;
-use syncline_controller::control::{End, Event, Order};
+use syncline_controller::control::{End, Event, Hold, Order};
 use syncline_controller::session::Command;
 use syncline_tests::command::{Folder, ended, syncline};
 use syncline_tests::rig::{Rig, example};
@@ -236,7 +236,7 @@ fn single_block_rests_at_the_end_of_every_block() {
     let mut rig = Rig::portal(PROGRAM);
     rig.controller().obey(Order::SingleBlock(true)).unwrap();
     for point in POINTS {
-        rig.run_until(|rig| rig.events.last() == Some(&Event::Held));
+        rig.run_until(|rig| rig.events.last() == Some(&Event::Held(Hold::Operator)));
         assert_at(&rig, point);
         rig.controller().obey(Order::Resume).unwrap();
         rig.run_until(|rig| rig.events.last() == Some(&Event::Resumed));
@@ -254,8 +254,12 @@ fn steps_back_and_on() {
         assert_at(&rig, POINTS[point]);
     }
     // The first one in motion, the second one from rest.
-    let told = (rig.events.iter()).filter(|it| matches!(it, Event::Held | Event::Retracing));
-    assert!(told.eq(&[Event::Held, Event::Retracing, Event::Held]));
+    let told = (rig.events.iter()).filter(|it| matches!(it, Event::Held(_) | Event::Retracing));
+    assert!(told.eq(&[
+        Event::Held(Hold::Operator),
+        Event::Retracing,
+        Event::Held(Hold::Operator)
+    ]));
     rig.controller().obey(Order::Resume).unwrap();
     assert_ends_well(rig);
 }
@@ -293,7 +297,11 @@ fn going_on_from_a_program_stop_while_held() {
     rows(&mut rig, 2);
     rig.controller().obey(Order::CycleStart).unwrap();
     rows(&mut rig, 100);
-    assert_eq!(rig.events.last(), Some(&Event::Held), "it does not go on");
+    assert_eq!(
+        rig.events.last(),
+        Some(&Event::Held(Hold::Operator)),
+        "it does not go on"
+    );
     assert!((position(&rig)[0] - 1.0).abs() < 1e-9);
     rig.controller().obey(Order::Resume).unwrap();
     assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
@@ -549,7 +557,7 @@ fn a_hold_that_ends_at_a_program_stop_says_that_it_still_waits() {
     let paused = |event: &Event| matches!(event, Event::Paused { line: 2, .. });
     rig.run_until(|rig| rig.events.iter().any(paused));
     rig.command(Command::FeedHold);
-    rig.run_until(|rig| rig.events.contains(&Event::Held));
+    rig.run_until(|rig| rig.events.contains(&Event::Held(Hold::Operator)));
     rig.command(Command::Resume);
     let still = |event: &Event| matches!(event, Event::StillPaused { line: 2, .. });
     rig.run_until(|rig| rig.events.iter().any(still));

@@ -363,22 +363,49 @@ fn a_reset_leaves_a_gantry_as_it_is() {
 #[test]
 fn a_run_that_is_held_as_its_gantry_is_taken_square_begins_held() {
     let wired = [("[machine]\n", WIRED)];
-    let mut rig = Rig::new("portal", &wired, "G0 X400\nM2\n", skewed(0.4));
-    set(&mut rig, ENABLE, true);
-    rig.run_to(Phase::Square);
-    for _ in 0..16 {
-        rig.step();
+    for (input, name, goes_off) in [
+        (HOLD, "hold", false),
+        (DOOR, "door", false),
+        (HOLD, "hold", true),
+        (DOOR, "door", true),
+    ] {
+        let mut rig = Rig::new("portal", &wired, "G0 X400\nM2\n", skewed(0.4));
+        set(&mut rig, ENABLE, true);
+        rig.run_to(Phase::Square);
+        for _ in 0..16 {
+            rig.step();
+        }
+        set(&mut rig, input, true);
+        if goes_off {
+            for _ in 0..8 {
+                rig.step();
+            }
+            set(&mut rig, input, false);
+        }
+        rig.run_to(Phase::Program);
+        let before = rig.rows.last().unwrap().plan.position;
+        for _ in 0..1000 {
+            rig.step();
+        }
+        assert_eq!(rig.rows.last().unwrap().plan.position, before);
+        assert_eq!(state(&rig), State::Held);
+        // It is told what holds it, and not as a feed hold of somebody's.
+        let held = (rig.events.iter()).filter(|it| matches!(it, Event::Held(_)));
+        let held: Vec<_> = held.filter_map(|it| it.describe(&*rig.layout)).collect();
+        let [told] = &held[..] else {
+            panic!("{held:?}");
+        };
+        assert!(
+            told.starts_with(&format!("input \"{name}\" holds the path")),
+            "{told}"
+        );
+        set(&mut rig, input, false);
+        for _ in 0..8 {
+            rig.step();
+        }
+        rig.command(Command::Resume);
+        assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
     }
-    set(&mut rig, HOLD, true);
-    rig.run_to(Phase::Program);
-    let before = rig.rows.last().unwrap().plan.position;
-    for _ in 0..1000 {
-        rig.step();
-    }
-    assert_eq!(rig.rows.last().unwrap().plan.position, before);
-    assert_eq!(state(&rig), State::Held);
-    rig.command(Command::Resume);
-    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
 }
 
 /// A homing that is to come before the program does not wait as that does: it is not begun.
@@ -395,14 +422,23 @@ fn a_run_that_is_held_as_its_gantry_is_taken_square_homes_nothing() {
         (absolute, &*unreferenced),
         ("[[axis]]\nname = \"Z\"", homing),
     ];
-    let mut rig = Rig::new("portal", &changes, "G0 X400\nM2\n", skewed(0.4));
-    set(&mut rig, ENABLE, true);
-    rig.run_to(Phase::Square);
-    for _ in 0..16 {
-        rig.step();
+    for (input, failure) in [
+        (HOLD, HomingFailure::FeedHold),
+        (DOOR, HomingFailure::DoorOpen),
+    ] {
+        let mut rig = Rig::new("portal", &changes, "G0 X400\nM2\n", skewed(0.4));
+        set(&mut rig, ENABLE, true);
+        rig.run_to(Phase::Square);
+        for _ in 0..16 {
+            rig.step();
+        }
+        set(&mut rig, input, true);
+        for _ in 0..8 {
+            rig.step();
+        }
+        // Closed again it is as good a reason.
+        set(&mut rig, input, false);
+        let fault = rig.finish_with_fault();
+        assert_eq!(fault, Fault::Axis(1, AxisCause::Homing(failure)));
     }
-    set(&mut rig, HOLD, true);
-    let fault = rig.finish_with_fault();
-    let failure = AxisCause::Homing(HomingFailure::FeedHold);
-    assert_eq!(fault, Fault::Axis(1, failure));
 }

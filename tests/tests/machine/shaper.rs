@@ -1,7 +1,7 @@
 //! A machine whose setpoints are shaped against its vibrations.
 
 use std::path::Path;
-use syncline_controller::control::{End, Event, Phase, Switch};
+use syncline_controller::control::{End, Event, Hold, Phase, Switch};
 use syncline_controller::machine::Machine;
 use syncline_controller::session::Command;
 use syncline_tests::command::machine_with;
@@ -83,7 +83,7 @@ fn a_hold_ends_later_by_the_shapers_length() {
         rig.run_to_row(500);
         rig.command(Command::FeedHold);
         let rows = rows_to_rest(&mut rig, 500);
-        rig.run_until(|rig| rig.events.contains(&Event::Held));
+        rig.run_until(|rig| rig.events.contains(&Event::Held(Hold::Operator)));
         rig.command(Command::Resume);
         assert_eq!(rig.finish(), End::Finished);
         rig.trace().assert_within_limits();

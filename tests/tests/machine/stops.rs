@@ -448,7 +448,7 @@ fn runs_whole(sample: &Sample, acts: Vec<(When, Act)>, patience: usize) -> usize
         for event in &rig.events[told..] {
             match event {
                 Event::Switched { .. } => switched.push(rig.rows.len()),
-                Event::Held => rests.held = true,
+                Event::Held(_) => rests.held = true,
                 Event::Resumed => rests.held = false,
                 Event::Retracing => rests = Rests::default(),
                 Event::Paused { .. } => rests.paused = true,

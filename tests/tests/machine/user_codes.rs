@@ -205,7 +205,7 @@ fn judge(blocks: &[Block], events: &[(usize, bool)]) -> Result<(), TestCaseError
         // An operator goes on where it failed, and where it takes too long.
         let open = rig.events.iter().rev().find_map(|event| match event {
             Event::Paused { .. } | Event::StillPaused { .. } => Some(true),
-            Event::Resumed | Event::Held | Event::Retracing => Some(false),
+            Event::Resumed | Event::Held(_) | Event::Retracing => Some(false),
             _ => None,
         });
         if open == Some(true) && wake_up % 50 == 0 {

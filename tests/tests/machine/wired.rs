@@ -4,8 +4,10 @@ use super::homing::{self, state, switched_on};
 use proptest::prelude::*;
 use syncline_canopen::CobId;
 use syncline_controller::control::fault::AxisCause;
-use syncline_controller::control::{End, Event, Fault, HomingFailure, Pause, Phase, State, Switch};
-use syncline_controller::session::Command;
+use syncline_controller::control::{
+    End, Event, Fault, Hold, HomingFailure, Pause, Phase, Refusal as OrderRefusal, State, Switch,
+};
+use syncline_controller::session::{Command, Direction, Jog, Override, Refusal};
 use syncline_drives::twin::{Disturbance, ErrorClass};
 use syncline_gcode::AxisLetter;
 use syncline_tests::rig::Rig;
@@ -195,16 +197,38 @@ fn an_enable_that_is_lost_stops_and_its_return_starts_nothing() {
 #[test]
 fn hold_and_start_act_when_they_come_on() {
     let mut rig = wired("G21 G90 F6000\nG1 X100\nM0\nG1 X0\nM2\n");
-    // On from the beginning, the one holds nothing and the other starts nothing.
+    // On from the beginning, the one lets nothing begin and the other starts nothing.
     set(&mut rig, HOLD, true);
     set(&mut rig, START, true);
-    rig.run_until(|rig| speed(rig) > 50.0);
+    rig.run_to(Phase::Program);
+    goes_on_after(&mut rig, 100);
+    let held = rig.layout.inputs.iter().position(|it| it.name == "hold");
+    let held = Event::Held(Hold::Input(held.expect("it is wired")));
+    assert_eq!((speed(&rig), rig.events.last()), (0.0, Some(&held)));
+    // Pressed meanwhile, the one for cycle start says why nothing moves.
+    set(&mut rig, START, false);
+    goes_on_after(&mut rig, 10);
+    let told = rig.events.len();
+    set(&mut rig, START, true);
+    goes_on_after(&mut rig, 100);
+    assert_eq!(speed(&rig), 0.0);
+    assert!(rig.events[told..].contains(&held), "{:?}", rig.events);
+    rig.command(Command::Resume);
+    goes_on_after(&mut rig, 10);
+    let refused = Refusal::Machine(OrderRefusal::FeedHoldOn);
+    assert_eq!(rig.refused.pop().map(|it| it.reason), Some(refused));
+    // Off again it starts nothing either.
     set(&mut rig, HOLD, false);
     goes_on_after(&mut rig, 20);
-    assert!(speed(&rig) > 50.0);
+    assert_eq!(speed(&rig), 0.0);
+    set(&mut rig, START, false);
+    goes_on_after(&mut rig, 10);
+    set(&mut rig, START, true);
+    rig.run_until(|rig| speed(rig) > 50.0);
     set(&mut rig, HOLD, true);
     goes_on_after(&mut rig, 500);
     assert_eq!(speed(&rig), 0.0);
+    set(&mut rig, HOLD, false);
     for _ in 0..2 {
         set(&mut rig, START, false);
         goes_on_after(&mut rig, 10);
@@ -247,6 +271,104 @@ fn nothing_goes_on_while_a_door_is_open() {
     goes_on_after(&mut rig, 10);
     rig.command(Command::Resume);
     assert_eq!(rig.finish(), End::Finished);
+}
+
+/// Whatever would set something going is refused with the reason, in every state in which it could, and neither that nor the
+/// input's going off begins anything. A refused command leaves no trace in the states that are told.
+#[test]
+fn nothing_begins_while_an_input_holds() {
+    let step = Command::Jog(Jog::Step {
+        axis: AxisLetter::X,
+        direction: Direction::Positive,
+    });
+    let from_ready = [
+        Command::Run { from_line: None },
+        Command::CycleStart,
+        Command::Mdi("G0 X5".to_owned()),
+        step.clone(),
+    ];
+    let from_held = [
+        Command::Resume,
+        Command::CycleStart,
+        Command::ToggleFeedHold,
+        Command::Retrace,
+        Command::Mdi("G0 X5".to_owned()),
+        step,
+    ];
+    for (input, reason) in [
+        (DOOR, OrderRefusal::DoorOpen),
+        (HOLD, OrderRefusal::FeedHoldOn),
+    ] {
+        let mut rig = Rig::staying_on("portal", &[("[machine]\n", WIRED)], |_, _| ());
+        rig.goes_on = false;
+        set(&mut rig, ENABLE, true);
+        homing::settle(&mut rig);
+        let file = rig
+            .folder
+            .file("part.ngc", "G21 G90 G1 X100 F6000\nM0\nX0\nM2\n");
+        homing::go(&mut rig, Command::Load(file));
+        let refuses = |rig: &mut Rig, commands: &[Command]| {
+            let (state, told) = (state(rig), rig.states.len());
+            let there = rig.session.status().setpoint;
+            for command in commands {
+                rig.command(command.clone());
+                for _ in 0..100 {
+                    rig.step();
+                }
+                let refused = rig.refused.pop().map(|it| it.reason);
+                assert_eq!(refused, Some(reason.into()), "{command:?} while {state}");
+            }
+            assert_eq!(rig.states.len(), told, "{:?}", rig.states);
+            set(rig, input, false);
+            for _ in 0..100 {
+                rig.step();
+            }
+            assert_eq!(rig.session.status().setpoint, there, "{state}");
+            assert_eq!(homing::state(rig), state);
+        };
+        let set_on = |rig: &mut Rig| {
+            set(rig, input, true);
+            for _ in 0..20 {
+                rig.step();
+            }
+        };
+        set_on(&mut rig);
+        refuses(&mut rig, &from_ready);
+        // Held by an operator before, at M0, for want of speed, and by the input itself.
+        rig.command(Command::Run { from_line: None });
+        rig.run_until(|rig| rig.session.status().setpoint[0] > 20.0);
+        homing::go(&mut rig, Command::FeedHold);
+        set_on(&mut rig);
+        refuses(&mut rig, &from_held);
+        homing::go(&mut rig, Command::Resume);
+        assert!(is_paused(&rig, Pause::ProgramStop));
+        set_on(&mut rig);
+        refuses(&mut rig, &from_held);
+        homing::go(&mut rig, Command::Resume);
+        rig.command(Command::CycleStart);
+        rig.run_until(|rig| rig.session.status().setpoint[0] < 80.0);
+        rig.command(Command::FeedOverride(Override::To(0.0)));
+        homing::settle(&mut rig);
+        assert_eq!(state(&rig), State::Held);
+        set_on(&mut rig);
+        // Raised meanwhile it moves nothing either.
+        homing::go(&mut rig, Command::FeedOverride(Override::To(100.0)));
+        refuses(&mut rig, &from_held);
+        rig.command(Command::Resume);
+        rig.run_until(|rig| rig.session.status().setpoint[0] < 50.0);
+        set_on(&mut rig);
+        homing::settle(&mut rig);
+        let place = rig
+            .layout
+            .inputs
+            .iter()
+            .position(|it| it.signal == usize::from(input));
+        let held = Event::Held(Hold::Input(place.expect("it is wired")));
+        assert!(rig.events.contains(&held), "{:?}", rig.events);
+        refuses(&mut rig, &from_held);
+        homing::go(&mut rig, Command::Resume);
+        assert_eq!(state(&rig), State::Ready);
+    }
 }
 
 /// A door and an input for feed hold on the router, whose axes are homed.
@@ -305,7 +427,7 @@ proptest! {
         homing::settle(&mut rig);
         prop_assert_eq!(state(&rig), State::Ready);
         homing::go(&mut rig, homing::ALL);
-        prop_assert_eq!(rig.refused.len(), usize::from(door));
+        prop_assert_eq!(rig.refused.len(), 1);
         rig.twin(INPUTS).disturb(Disturbance::Input(input, false));
         for _ in 0..20 {
             rig.step();
@@ -479,7 +601,11 @@ fn a_spindle_that_loses_its_speed_in_a_cut_holds_the_path() {
     let waited = (rig.rows.len() - lost) as f64 * cycle;
     assert!((0.2..0.21).contains(&waited), "{waited} s");
     rig.run_until(|rig| speed(rig) == 0.0);
-    assert!(rig.events.contains(&Event::Held), "{:?}", rig.events);
+    assert!(
+        rig.events.contains(&Event::Held(Hold::Operator)),
+        "{:?}",
+        rig.events
+    );
     goes_on_after(&mut rig, 200);
     assert_eq!(speed(&rig), 0.0);
     // It goes on without, and is watched again from where the input came.
@@ -551,19 +677,20 @@ fn runs_through(changes: Vec<(u8, bool, usize)>) {
     let mut rig = wired(LONG);
     let mut changes = changes.into_iter();
     let mut next = changes.next();
-    let (mut since, mut rested, mut door) = (0, 0, 0);
-    let mut is_open = false;
+    let (mut since, mut rested, mut held) = (0, 0, 0);
+    let mut on = [false; HOLD as usize + 1];
     while rig.step() {
         if rig.rows.is_empty() {
             continue;
         }
         since += 1;
-        door = if is_open { door + 1 } else { 0 };
+        let holds = on[usize::from(DOOR)] || on[usize::from(HOLD)];
+        held = if holds { held + 1 } else { 0 };
         let moves = speed(&rig) > 0.0;
         // It takes its T_PDO, and a cycle until a setpoint is latched.
         assert!(
-            !moves || rested == 0 || door < 4,
-            "it sets off, {door} cycles after the door was opened"
+            !moves || rested == 0 || held < 4,
+            "it sets off, {held} cycles after the door was opened, or the hold came on"
         );
         rested = if moves { 0 } else { rested + 1 };
         if rested > 200 && rested % 20 == 0 {
@@ -571,15 +698,17 @@ fn runs_through(changes: Vec<(u8, bool, usize)>) {
             rig.command(Command::Resume);
         }
         match next {
-            Some((sensor, on, after)) if since >= after => {
-                set(&mut rig, sensor, on);
-                is_open = if sensor == DOOR { on } else { is_open };
+            Some((sensor, level, after)) if since >= after => {
+                set(&mut rig, sensor, level);
+                on[usize::from(sensor)] = level;
                 next = changes.next();
                 since = 0;
             }
-            None if is_open && since > 100 => {
-                set(&mut rig, DOOR, false);
-                is_open = false;
+            None if holds && since > 100 => {
+                for sensor in [DOOR, HOLD] {
+                    set(&mut rig, sensor, false);
+                    on[usize::from(sensor)] = false;
+                }
             }
             _ => {}
         }

@@ -412,6 +412,16 @@ impl<const N: usize> Jogging<N> {
         motion.is_some_and(|motion| matches!(motion.aim, Aim::Limit(_)))
     }
 
+    /// Where an axis rests that went there by itself; `None` while it moves, and of one that was stopped on its way.
+    pub(super) fn reached(&self, axis: usize) -> Option<f64> {
+        let motion = self.motions.get(axis).filter(|_| self.line.is_none())?;
+        let rests = motion.due == Due::No && motion.is_at_rest(self.clock);
+        match motion.aim {
+            Aim::At(position) | Aim::Limit(position) if rests => Some(position),
+            _ => None,
+        }
+    }
+
     /// Brings an axis that goes on and on to rest as fast as it can; any other does what it did.
     pub(super) fn end_continuous(&mut self, axis: usize) {
         if self.is_continuous(axis) {

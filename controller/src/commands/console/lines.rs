@@ -222,7 +222,7 @@ fn shown(status: &Status, machine: &Machine) -> String {
     let letters = || machine.axes.iter().map(|axis| axis.letter);
     let positions = |position: &[f64]| -> String {
         letters()
-            .map(|axis| format!(" {axis}{:.3}", position[axis.index()]))
+            .map(|axis| format!(" {axis}{:.3}", values::rounded(position[axis.index()])))
             .collect()
     };
     let (work, machine) = (
@@ -260,9 +260,13 @@ fn explained(model: &Model, machine: &Machine) -> String {
         (Some(line), block) => tell(&format!("line {line}"), block),
         (None, typed) => tell("typed", typed),
     }
+    if let Some(waiting) = values::waiting(model) {
+        tell("rests", &waiting);
+    }
     let (name, distances) = values::distances(model);
     let distances = distances.iter();
-    let distances = distances.map(|(axis, distance)| format!("{}{distance:.3}", axis.letter));
+    let distances = distances
+        .map(|(axis, distance)| format!("{}{:.3}", axis.letter, values::rounded(*distance)));
     tell(name, &distances.collect::<Vec<_>>().join(" "));
     for (name, what) in values::values(model) {
         tell(name, what.trim_end());

@@ -1,7 +1,7 @@
 //! What the machine does now, by name and value: the same on the screen and in lines of text.
 
 use super::model::Model;
-use crate::control::State;
+use crate::control::{State, Waiting};
 use crate::machine::Axis;
 use crate::observe::switched::{coolant_name, running};
 use crate::program::counted_speed;
@@ -32,6 +32,29 @@ fn in_words(seconds: f64) -> String {
         0 if whole < 100 => format!("{seconds:.1} s"),
         0 => format!("{minutes}:{rest:02} min"),
         _ => format!("{hours}:{minutes:02}:{rest:02} h"),
+    }
+}
+
+/// A position as it is shown, to 0.001: one that is rounded to none has no sign.
+pub(super) fn rounded(position: f64) -> f64 {
+    (position * 1e3).round() / 1e3 + 0.0
+}
+
+/// What the job waits for while nothing moves and no operator holds it.
+pub(super) fn waiting(model: &Model) -> Option<String> {
+    let waiting = model.status.waiting?;
+    let inputs = &model.signals.inputs;
+    Some(waiting.describe(|input| inputs.get(input).map_or("?", String::as_str)))
+}
+
+/// What an operator does to get on.
+pub(super) fn way_on(model: &Model) -> &'static str {
+    let status = &model.status;
+    match (status.state, status.waiting) {
+        (State::Held, Some(Waiting::Override(_))) => {
+            "raise the override to go on, stop ends the job"
+        }
+        (state, _) => state.way_on(),
     }
 }
 

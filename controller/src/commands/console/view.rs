@@ -72,9 +72,14 @@ pub(super) fn draw(frame: &mut Frame, model: &Model) {
     let modes = Paragraph::new(model.status.modes.as_str()).wrap(Wrap { trim: true });
     frame.render_widget(modes, codes);
     frame.render_widget(current_block(model), block);
-    if let Some(line) = resumable(model) {
-        let note = format!("resume takes up line {line} ");
-        frame.render_widget(Line::raw(note).right_aligned(), block);
+    let resumed = || resumable(model).map(|line| format!("resume takes up line {line}"));
+    if let Some(note) = values::waiting(model).or_else(resumed) {
+        let note = format!("  {note} ");
+        let width = (note.chars().count() as u16).min(block.width);
+        let x = block.right() - width;
+        let place = Rect { x, width, ..block };
+        frame.render_widget(Clear, place);
+        frame.render_widget(Line::raw(note), place);
     }
     if rest.width >= WIDE {
         let halves = [Constraint::Percentage(50), Constraint::Percentage(50)];
@@ -137,8 +142,16 @@ fn position_rows(model: &Model) -> Vec<Line<'static>> {
         // Where nobody knows where it is, its positions count from where it was switched on.
         let mark = if referenced[at] { ' ' } else { '?' };
         rows.push(Line::from(vec![
-            bold(format!(" {}{mark}{:>12.3}", axis.name(), work[at])),
-            Span::raw(format!("{:>14.3}{distance:>12.3}{unit}", actual[at])),
+            bold(format!(
+                " {}{mark}{:>12.3}",
+                axis.name(),
+                values::rounded(work[at])
+            )),
+            Span::raw(format!(
+                "{:>14.3}{:>12.3}{unit}",
+                values::rounded(actual[at]),
+                values::rounded(distance)
+            )),
         ]));
     }
     rows
@@ -267,7 +280,7 @@ fn footer(model: &Model) -> Line<'static> {
     match &model.prompt {
         Some(text) => Line::from(vec![bold(": "), Span::raw(text.clone()), Span::raw("▏")]),
         None => Line::styled(
-            format!(" ? keys   : command   {}", model.status.state.way_on()),
+            format!(" ? keys   : command   {}", values::way_on(model)),
             Style::new().add_modifier(Modifier::DIM),
         ),
     }
@@ -292,7 +305,7 @@ fn draw_keys(frame: &mut Frame) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::{MeasuredSample, SpindleSample};
+    use crate::control::{MeasuredSample, SpindleSample, Waiting, ZeroOverrides};
     use crate::machine::Machine;
     use crate::observe::switched::{coolant_name, running};
     use crate::session::{Settings, Squareness, Stopped};
@@ -419,6 +432,50 @@ mod tests {
         let row = screen.lines().find(|row| row.contains("inputs")).unwrap();
         assert!(row.ends_with("…\""), "{row}");
         assert!(row.contains(" inputs   input 0, input 1, "), "{row}");
+    }
+
+    #[test]
+    fn what_a_job_waits_for_is_shown() {
+        let mut model = model();
+        model.signals.inputs = vec!["clamped".to_owned()];
+        model.status.inputs = vec![false];
+        model.status.waiting = Some(Waiting::Input {
+            input: 0,
+            on: true,
+            left: 2.43,
+        });
+        let screen = drawn(&model, 80, 24);
+        let told = "waits for input \"clamped\" on, 2.4 s left \"";
+        assert!(screen.contains(told), "{screen}");
+        let zero = ZeroOverrides {
+            feed: true,
+            rapid: false,
+        };
+        model.status.waiting = Some(Waiting::Override(zero));
+        model.status.state = State::Held;
+        let screen = drawn(&model, 80, 24);
+        assert!(
+            screen.contains("the feed override is 0: raise it to go on \""),
+            "{screen}"
+        );
+        assert!(
+            screen.contains("command   raise the override to go on"),
+            "{screen}"
+        );
+    }
+
+    #[test]
+    fn nothing_has_no_sign() {
+        let mut model = model();
+        model.status.actual = [-0.0004; 9];
+        model.status.offset = [0.0; 9];
+        model.status.setpoint = [1e-9; 9];
+        model.status.target = [0.0; 9];
+        let screen = drawn(&model, 80, 24);
+        assert!(
+            screen.contains(" 0.000 ") && !screen.contains("-0.000"),
+            "{screen}"
+        );
     }
 
     #[test]

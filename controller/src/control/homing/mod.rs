@@ -28,7 +28,7 @@ pub(super) use switch::Edge;
 
 use super::axis::Test;
 use super::fault::{AxisCause, AxisIndex, DeviceCause, Fault};
-use super::{Controller, Event, Phase, Refusal, event_sink};
+use super::{Controller, Event, Hold, Phase, Refusal, event_sink};
 use crate::machine::HomingMethod;
 use by_drive::ByDrive;
 use hard_stop::HardStop;
@@ -195,11 +195,16 @@ impl<const N: usize> Controller<N> {
             if let Some(axis) = missing.clone().find(by_hand) {
                 return Err(Fault::Axis(axis, AxisCause::Unreferenced));
             }
-            let forbids = match self.open_door() {
-                Some(_) => Some(HomingFailure::DoorOpen),
-                // It came on before.
-                None => Some(HomingFailure::FeedHold).filter(|_| self.executor.is_held()),
+            // One that came on before, and is off again, holds what is to begin.
+            let held = match self.held_by {
+                Hold::Input(input) if self.executor.is_held() => Some(input),
+                _ => None,
             };
+            let forbids = self.holding_input().or(held);
+            let forbids = forbids.map(|input| match self.is_door(input) {
+                true => HomingFailure::DoorOpen,
+                false => HomingFailure::FeedHold,
+            });
             if let Some((axis, failure)) = missing.clone().next().zip(forbids) {
                 self.tell(Event::HomingFailed { axis, failure });
                 return Err(Fault::Axis(axis, AxisCause::Homing(failure)));

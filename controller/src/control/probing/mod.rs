@@ -347,7 +347,7 @@ impl<const N: usize> Controller<N> {
                 Err(failure) => self.probing_failed(failure),
             }
         } else if rests && self.probing.paused && !std::mem::replace(&mut self.held, true) {
-            self.tell(Event::Held);
+            self.tell(Event::Held(self.held_by));
         }
     }
 

@@ -477,6 +477,14 @@ impl<const N: usize> Executor<N> {
         rests && self.activity.takes_plans()
     }
 
+    /// How long a dwell still takes in which the path rests, s.
+    pub fn dwell(&self) -> Option<f64> {
+        match self.current()? {
+            Step::Dwell { duration, .. } => Some((duration - self.since(self.began)).max(0.0)),
+            _ => None,
+        }
+    }
+
     /// Number of the cycle that the last setpoint belongs to.
     pub fn cycle(&self) -> u64 {
         self.cycle

@@ -291,6 +291,11 @@ impl<const N: usize> Executor<N> {
         jogging.is_some_and(|axes| axes.is_continuous(axis))
     }
 
+    /// Where an axis rests that a jog has taken there; `None` while it moves, and of one that was stopped on its way.
+    pub fn jogged_to(&self, axis: usize) -> Option<f64> {
+        self.activity.jogging()?.reached(axis)
+    }
+
     /// Brings an axis to rest that is jogged on and on, whatever the rapid override; any other does what it
     /// did.
     pub fn end_jog(&mut self, axis: usize) {
