@@ -5,6 +5,7 @@ use super::day::{self, Deed};
 use proptest::prelude::*;
 use std::sync::Arc;
 use syncline_canopen::Instant;
+use syncline_controller::control::Phase;
 use syncline_controller::observe::Observers;
 use syncline_controller::program::Programs;
 use syncline_controller::run::Progress;
@@ -262,5 +263,47 @@ proptest! {
         let deeds: Vec<_> = first.into_iter().chain(deeds).collect();
         let (mut rig, accepted) = day_of(&deeds);
         prop_assert_eq!(again(&mut rig, None, &accepted), accepted);
+    }
+}
+
+/// The sides of a gantry that stand askew as it is enabled are taken square, to the end or until somebody stops that: by the
+/// commands and the frames once more, bit for bit.
+#[test]
+fn a_gantry_that_is_taken_square_is_a_function_of_its_frames() {
+    for (skew, stops) in [(0.3, false), (-0.4, false), (0.4, true)] {
+        let mut rig = Rig::staying_on("portal", &[], |drive, config| match drive {
+            // 20 mm a turn; the second one is mirrored.
+            0 => config.position += 300.0 / 20.0,
+            1 => config.position -= (300.0 + skew) / 20.0,
+            _ => {}
+        });
+        let told = rig.session.subscribe();
+        rig.run_to(Phase::Square);
+        if stops {
+            for _ in 0..16 {
+                rig.step();
+            }
+            rig.command(Command::Disable);
+        }
+        day::settle(&mut rig);
+        let commands = match stops {
+            true => vec![Command::Enable],
+            false => vec![Command::Disable, Command::Enable],
+        };
+        for command in commands {
+            day::go(&mut rig, command);
+        }
+        day::mdi(&mut rig, "G0 X320 Y10");
+        day::go(&mut rig, Command::SwitchOff);
+        while rig.step() {}
+        assert_eq!((&rig.refused[..], &rig.problems[..]), (&[][..], &[][..]));
+        let squared = rig
+            .phases
+            .iter()
+            .filter(|(phase, _)| *phase == Phase::Square);
+        assert!(squared.count() > usize::from(stops), "{:?}", rig.phases);
+        let accepted: Vec<_> = accepted_of(&told).collect();
+        assert_eq!(told.missed(), 0);
+        assert_eq!(again(&mut rig, None, &accepted), accepted);
     }
 }

@@ -9,9 +9,10 @@ use super::{
 };
 use crate::homing::truth;
 use crate::replayed;
+use std::path::Path;
 use std::thread;
 use std::time::Duration;
-use syncline_controller::control::{Event, State};
+use syncline_controller::control::{Event, HomingFailure, State};
 use syncline_controller::session::{
     self, Accepted, Command, Direction, Jog, Override, Refusal, Status, Subscription,
 };
@@ -103,11 +104,11 @@ const XYZ: Scene = Scene {
 };
 
 impl Scene {
-    /// What is replaced in the example's file, and by what.
-    fn replacements(&self) -> Vec<(String, String)> {
+    /// What is replaced in the example's file, and by what. Nothing switches the inputs of an axis that has `no_switch`.
+    fn replacements(&self, no_switch: Option<usize>) -> Vec<(String, String)> {
         let mut tables = String::new();
         let mut changes = Vec::new();
-        for (order, axis) in [2, 2, 1].into_iter().zip(&self.axes) {
+        for (place, (order, axis)) in [2, 2, 1].into_iter().zip(&self.axes).enumerate() {
             let quoted = |drive: &&str| format!("\"{drive}\"");
             let drives: Vec<_> = axis.drives.iter().map(quoted).collect();
             let switches: Vec<_> = (axis.drives.iter())
@@ -117,10 +118,14 @@ impl Scene {
                 Direction::Positive => (format!("{}, 60.0", axis.edge), "positive"),
                 Direction::Negative => (format!("-300.0, {}", axis.edge), "negative"),
             };
+            let simulated = match no_switch == Some(place) {
+                true => String::new(),
+                false => format!("simulated = [{on}]\n"),
+            };
             for drive in axis.drives {
                 tables += &format!(
                     "[[input]]\nname = \"home {drive}\"\ndrive = \"{drive}\"\nsignal = \"DI0\"\n\
-                     function = \"home\"\nsimulated = [{on}]\n\n"
+                     function = \"home\"\n{simulated}\n"
                 );
             }
             let drives = format!("drives = [{}]", drives.join(", "));
@@ -130,7 +135,7 @@ impl Scene {
             };
             let homing = format!(
                 "{drives}\nhoming = {{ kind = \"switch\", order = {order}, switches = [{}], \
-                 direction = \"{side}\", speed = 60.0, slow_speed = 2.0, back_off = 3.0, \
+                 direction = \"{side}\", speed = 60.0, slow_speed = 2.0, back_off = 3.0, max_distance = 120.0, \
                  position = {}, final_position = 0.0 }}\nsimulation = {{ start = {}{skew} }}",
                 switches.join(", "),
                 axis.edge,
@@ -156,21 +161,32 @@ impl Scene {
 /// A day at a machine.
 struct Day {
     rig: Rig,
+    /// The axis whose switches are absent as it is homed first, and then put in their places.
+    unplugged: usize,
     told: Subscription,
     drives: usize,
 }
 
 impl Day {
-    fn begin(scene: &Scene) -> Self {
-        let replacements = scene.replacements();
+    /// With this seed the drives have their noise, and one axis or another has its switches absent.
+    fn begin(scene: &Scene, seed: u64) -> Self {
+        let unplugged = (seed % 3) as usize;
+        let replacements = scene.replacements(Some(unplugged));
         let replacements: Vec<_> = (replacements.iter())
             .map(|(old, new)| (old.as_str(), new.as_str()))
             .collect();
-        let mut rig = Rig::staying_on(scene.machine, &replacements, |_, _| ());
+        let mut rig = Rig::staying_on(scene.machine, &replacements, |drive, config| {
+            config.seed = 100 * seed + drive as u64;
+        });
         rig.goes_on = false;
         let told = rig.session.subscribe();
         let drives = rig.machine.drives.len();
-        Self { rig, told, drives }
+        Self {
+            rig,
+            unplugged,
+            told,
+            drives,
+        }
     }
 
     fn status(&self) -> &Status {
@@ -268,11 +284,13 @@ impl Day {
         self.go(Command::Mdi("G0 X1".to_owned()), State::Ready);
         let refused = self.rig.refused.pop().expect("no axis is referenced");
         assert!(matches!(refused.reason, Refusal::Machine(_)), "{refused:?}");
-        self.go(Command::Home([false; 9]), State::Ready);
+        self.home_in_vain();
+        let skew = self.skew();
+        self.home_with_switches(scene);
         assert!(self.rig.states.contains(&State::Homing));
         assert_eq!(self.status().state_in_words(), "ready");
-        let homed = |event: &&Event| matches!(event, Event::Referenced { .. });
-        assert_eq!(self.rig.events.iter().filter(homed).count(), 3);
+        let homed = |event: &&Event| matches!(event, Event::Referenced { axis, .. } if *axis == self.unplugged);
+        assert_eq!(self.rig.events.iter().filter(homed).count(), 1);
         let square = self.status().squareness;
         let gantries = self.drives - 3;
         assert_eq!(square.iter().flatten().count(), gantries);
@@ -283,6 +301,57 @@ impl Day {
         }
         assert_eq!(self.status().setpoint[..3], [0.0; 3]);
         self.assert_plants_are_there();
+    }
+
+    /// A switch that is absent is told as that, with its axis; all rests, and no program or typed line moves anything.
+    fn home_in_vain(&mut self) {
+        self.go(Command::Home([false; 9]), State::Ready);
+        let failed = |event: &Event| match event {
+            Event::HomingFailed { axis, failure } => Some((*axis, *failure)),
+            _ => None,
+        };
+        let failed: Vec<_> = self.rig.events.iter().filter_map(failed).collect();
+        assert!(
+            failed.contains(&(self.unplugged, HomingFailure::NotFound)),
+            "{failed:?}"
+        );
+        assert_eq!(self.status().state_in_words(), "ready (unreferenced)");
+        self.assert_rests();
+        self.go(Command::Mdi("G0 X1 Y1 Z-1".to_owned()), State::Ready);
+        let refused = self.rig.refused.pop().expect("an axis is not referenced");
+        assert!(matches!(refused.reason, Refusal::Machine(_)), "{refused:?}");
+    }
+
+    /// Homes all axes, with every switch in its place: those that the machine file has none for are as if it had.
+    fn home_with_switches(&mut self, scene: &Scene) {
+        let Homed {
+            edge, direction, ..
+        } = scene.axes[self.unplugged];
+        let drives = self.rig.machine.axes[self.unplugged].drives.clone();
+        self.rig.command(Command::Home([false; 9]));
+        // It takes effect at the next wake-up.
+        let mut since = 0;
+        while since < 6 {
+            for &drive in &drives {
+                let beyond = direction.of(truth(&mut self.rig, drive) - edge) >= 0.0;
+                let input = Disturbance::Input(0, beyond);
+                self.rig.twin(drive).disturb(input);
+            }
+            self.rig.step();
+            let rests = state(&self.rig) == State::Ready;
+            since = if rests { since + 1 } else { 0 };
+        }
+        assert_eq!(self.rig.refused, []);
+    }
+
+    fn assert_rests(&mut self) {
+        for _ in 0..200 {
+            self.rig.step();
+        }
+        for drive in 0..self.drives {
+            let velocity = self.rig.twin(drive).observe().velocity;
+            assert!(velocity.abs() < 0.05, "{drive}: {velocity}");
+        }
     }
 
     /// The zero of the work is where the tool stands, by a jog and a step of one; then a tool with its length.
@@ -537,8 +606,8 @@ fn moves(rig: &Rig) -> bool {
 }
 
 /// A whole day, and what the bus has carried, by its digest.
-fn lived(scene: &Scene) -> (Day, String) {
-    let mut day = Day::begin(scene);
+fn lived(scene: &Scene, seed: u64) -> (Day, String) {
+    let mut day = Day::begin(scene, seed);
     day.switch_on_and_home(scene);
     // A homing makes other positions of those before.
     day.rig.rows.clear();
@@ -554,22 +623,25 @@ fn lived(scene: &Scene) -> (Day, String) {
     (day, frames)
 }
 
-/// It makes the same frames twice, and its commands and the bus' frames make all of it once more.
-fn a_day_at(scene: &Scene) {
-    let (mut day, frames) = lived(scene);
-    assert_eq!(lived(scene).1, frames);
+/// Days with these seeds. The first makes the same frames twice, and its commands and the bus' frames make all of it once
+/// more.
+fn days_at(scene: &Scene, seeds: [u64; 2]) {
+    let [first, other] = seeds;
+    let (mut day, frames) = lived(scene, first);
+    assert_eq!(lived(scene, first).1, frames);
+    assert_ne!(lived(scene, other).1, frames);
     let accepted = day.accepted();
     assert_eq!(replayed::again(&mut day.rig, None, &accepted), accepted);
 }
 
 #[test]
 fn at_a_portal() {
-    a_day_at(&PORTAL);
+    days_at(&PORTAL, [3, 1]);
 }
 
 #[test]
 fn at_a_machine_of_three_axes() {
-    a_day_at(&XYZ);
+    days_at(&XYZ, [1, 2]);
 }
 
 /// Where an axis is in work coordinates, as the screen has it.
@@ -600,7 +672,7 @@ fn take_time() {
 /// more. X meets a clamp, so that the work is moved away from it.
 #[test]
 fn by_keys_on_a_terminal() {
-    let mut replacements = XYZ.replacements();
+    let mut replacements = XYZ.replacements(None);
     let clamp = "{ start = -200, end_stops = [-300.0, 140.0] }";
     replacements.push(("{ start = -200 }".to_owned(), clamp.to_owned()));
     let replacements: Vec<_> = (replacements.iter())
@@ -696,11 +768,83 @@ fn by_keys_on_a_terminal() {
     await_rest(&mut keys, "READY", "X", 20.0);
     keys.press(b":switch_off\r");
     let _ = keys.end();
+    replays(&log, &commands, &machine);
+}
 
+/// `replay` goes through a day on a terminal once more.
+fn replays(log: &Path, commands: &Path, machine: &Path) {
     let mut replay = syncline();
-    replay.arg("replay").args([&log, &machine]);
-    let output = replay.arg("--commands").arg(&commands).output().unwrap();
+    replay.arg("replay").args([log, machine]);
+    let output = replay.arg("--commands").arg(commands).output().unwrap();
     let (code, told, errors) = ended(&output);
     assert_eq!(code, 0, "{told}{errors}");
     assert!(told.contains("switched off"), "{told}");
+}
+
+/// A shorter one at the portal, whose gantry is askew: what it was out by, why a program rests, and that the feed override
+/// is 0 are on the screen.
+#[test]
+fn by_keys_at_a_portal() {
+    let replacements = PORTAL.replacements(None);
+    let replacements: Vec<_> = (replacements.iter())
+        .map(|(old, new)| (old.as_str(), new.as_str()))
+        .collect();
+    let folder = Folder::new();
+    let machine = folder.file("machine.toml", &machine_with("portal", &replacements));
+    let part = folder.file(
+        "part.ngc",
+        "G90 G1 X30 F300\nG4 P2\nM64 P9\nX0 Y5 F600\nM2\n",
+    );
+    let [log, commands] = ["day.log", "day.jsonl"].map(|name| folder.path(name));
+    let options = format!(
+        "--candump {} --commands {}",
+        log.display(),
+        commands.display()
+    );
+    let mut keys = console_on_a_terminal(&machine, &options);
+    // Cold start; home, which takes the gantry square.
+    let screen = keys.wait_until(|screen| screen.starts_with(" READY (UNREFERENCED)"));
+    assert!(screen.contains("square   X not measured"), "{screen}");
+    keys.press(b"h");
+    let screen = await_rest(&mut keys, "READY", "X", 0.0);
+    let out = screen.split("square   X was ").nth(1).expect(&screen);
+    let out: f64 = out
+        .split(' ')
+        .next()
+        .and_then(|it| it.parse().ok())
+        .expect(&screen);
+    assert!((out - 2.0).abs() < 0.02, "{screen}");
+    // Touch off.
+    keys.press(b":jog_to X40 Y20\r");
+    await_rest(&mut keys, "READY", "X", 40.0);
+    keys.press(b":set_offset X0 Y0 Z0\r");
+    await_rest(&mut keys, "READY", "X", 0.0);
+    await_rest(&mut keys, "READY", "Y", 0.0);
+    // Run; nothing is left of the speed, and cycle start says so; raised, it goes on.
+    keys.press(format!(":load {}\r", part.display()).as_bytes());
+    keys.wait_until(|screen| screen.contains("part.ngc"));
+    take_time();
+    keys.press(b"\r");
+    keys.wait_until(|screen| shown(screen, "X").is_some_and(|x| x > 3.0));
+    keys.press(b":feed_override 0\r");
+    let screen = keys.wait_until(|screen| screen.starts_with(" HELD "));
+    assert!(!screen.contains("feed hold: held"), "{screen}");
+    keys.wait_until(|screen| screen.matches("the feed override is 0").count() >= 2);
+    keys.press(b"\r");
+    keys.wait_until(|screen| screen.matches("the feed override is 0").count() >= 3);
+    keys.press(b":feed_override 100\r");
+    keys.wait_until(|screen| screen.starts_with(" RUNNING ") && screen.contains("dwells, 1."));
+    // Hold, jog, resume.
+    keys.wait_until(|screen| shown(screen, "X").is_some_and(|x| x < 25.0));
+    keys.press(b" ");
+    keys.wait_until(|screen| screen.contains("feed hold: held"));
+    keys.press(b"]\x1B[6~");
+    keys.wait_until(|screen| shown(screen, "Z").is_some_and(|z| (z + 10.0).abs() < 0.02));
+    keys.press(b" ");
+    await_rest(&mut keys, "READY", "Y", 5.0);
+    keys.press(b":mdi G0 X5\r");
+    await_rest(&mut keys, "READY", "X", 5.0);
+    keys.press(b":switch_off\r");
+    let _ = keys.end();
+    replays(&log, &commands, &machine);
 }
