@@ -4,88 +4,39 @@
 //! `default` is a value that a profile gives. Values of analog inputs and outputs in objects of 32 bit, limits,
 //! deltas and error values, count as those of 16 bit do.
 
-use syncline_canopen::dictionary::DataType::{I16, I32, Text, U8, U16, U32};
+use super::cia301::{
+    EMCY_HEARTBEAT_IDENTITY, ERROR_BEHAVIOUR, SDO_SERVER, device, errors, join, r_pdo,
+    r_pdo_mapping, rows, sync_and_name, t_pdo, t_pdo_mapping,
+};
+use syncline_canopen::dictionary::DataType::{I16, I32, U8, U16, U32};
 use syncline_canopen::dictionary::{Entry, ro, rw, table};
 
 /// The table, in ascending order.
+pub static CIA401: &[Entry] = &table(join::<{ rows(PARTS) }>(PARTS));
+
+/// 1xxxh, communication profile (CiA 301), and what is behind it.
+const PARTS: &[&[Entry]] = &[
+    // Digital and analog inputs and outputs.
+    &device(0x000F_0191),
+    &errors::<3>(),
+    &sync_and_name("CiA 401 I/O"),
+    EMCY_HEARTBEAT_IDENTITY,
+    ERROR_BEHAVIOUR,
+    SDO_SERVER,
+    &r_pdo(1, 0, 255),
+    &r_pdo(2, 0, 255),
+    &r_pdo_mapping::<9>(1, &[0x6200_0108, 0x6200_0208]),
+    &r_pdo_mapping::<9>(2, &[0x6411_0110, 0x6411_0210, 0x6411_0310, 0x6411_0410]),
+    &t_pdo(1, 0, 255),
+    &t_pdo(2, 0, 255),
+    &t_pdo_mapping::<9>(1, &[0x6000_0108, 0x6000_0208]),
+    &t_pdo_mapping::<9>(2, &[0x6401_0110, 0x6401_0210, 0x6401_0310, 0x6401_0410]),
+    PROFILE,
+];
+
+/// 6xxxh: I/O profile (CiA 401).
 #[rustfmt::skip]
-pub static CIA401: &[Entry] = &table([
-    // 1xxxh: communication profile (CiA 301).
-    // Profile 401 with digital inputs and outputs, analog inputs and outputs.
-    ro(0x1000, 0, "Device type", U32).default(0x000F_0191),
-    ro(0x1001, 0, "Error register", U8).t_pdo(),
-    rw(0x1003, 0, "Number of errors", U8).default(0),
-    ro(0x1003, 1, "Error field 1", U32).default(0),
-    ro(0x1003, 2, "Error field 2", U32).default(0),
-    rw(0x1005, 0, "COB-ID SYNC", U32).default(0x80),
-    ro(0x1008, 0, "Manufacturer device name", Text(16)).default_text("CiA 401 I/O"),
-    rw(0x1014, 0, "COB-ID EMCY", U32).default_plus_node(0x80),
-    rw(0x1015, 0, "Inhibit time EMCY", U16).default(0).unit("100 us"),
-    ro(0x1016, 0, "Consumer heartbeat time: number", U8).default(1),
-    rw(0x1016, 1, "Consumer heartbeat time", U32).default(0),
-    rw(0x1017, 0, "Producer heartbeat time", U16).default(0).unit("ms"),
-    ro(0x1018, 0, "Identity: number", U8).default(4),
-    ro(0x1018, 1, "Vendor ID", U32).default(0),
-    ro(0x1018, 2, "Product code", U32).default(0),
-    ro(0x1018, 3, "Revision number", U32).default(0),
-    ro(0x1018, 4, "Serial number", U32).default(0),
-    ro(0x1029, 0, "Error behaviour: number", U8).default(1),
-    rw(0x1029, 1, "Communication error", U8).range(0, 2).default(0),
-    ro(0x1200, 0, "SDO server: number", U8).default(2),
-    ro(0x1200, 1, "COB-ID client to server", U32).default_plus_node(0x600),
-    ro(0x1200, 2, "COB-ID server to client", U32).default_plus_node(0x580),
-    ro(0x1400, 0, "R_PDO1 parameter: highest subindex", U8).default(2),
-    rw(0x1400, 1, "COB-ID R_PDO1", U32).default_plus_node(0x0200),
-    rw(0x1400, 2, "Transmission type R_PDO1", U8).default(255),
-    ro(0x1401, 0, "R_PDO2 parameter: highest subindex", U8).default(2),
-    rw(0x1401, 1, "COB-ID R_PDO2", U32).default_plus_node(0x0300),
-    rw(0x1401, 2, "Transmission type R_PDO2", U8).default(255),
-    rw(0x1600, 0, "R_PDO1 mapping: number", U8).range(0, 8).default(2),
-    rw(0x1600, 1, "R_PDO1 mapped object 1", U32).default(0x6200_0108),
-    rw(0x1600, 2, "R_PDO1 mapped object 2", U32).default(0x6200_0208),
-    rw(0x1600, 3, "R_PDO1 mapped object 3", U32).default(0),
-    rw(0x1600, 4, "R_PDO1 mapped object 4", U32).default(0),
-    rw(0x1600, 5, "R_PDO1 mapped object 5", U32).default(0),
-    rw(0x1600, 6, "R_PDO1 mapped object 6", U32).default(0),
-    rw(0x1600, 7, "R_PDO1 mapped object 7", U32).default(0),
-    rw(0x1600, 8, "R_PDO1 mapped object 8", U32).default(0),
-    rw(0x1601, 0, "R_PDO2 mapping: number", U8).range(0, 8).default(4),
-    rw(0x1601, 1, "R_PDO2 mapped object 1", U32).default(0x6411_0110),
-    rw(0x1601, 2, "R_PDO2 mapped object 2", U32).default(0x6411_0210),
-    rw(0x1601, 3, "R_PDO2 mapped object 3", U32).default(0x6411_0310),
-    rw(0x1601, 4, "R_PDO2 mapped object 4", U32).default(0x6411_0410),
-    rw(0x1601, 5, "R_PDO2 mapped object 5", U32).default(0),
-    rw(0x1601, 6, "R_PDO2 mapped object 6", U32).default(0),
-    rw(0x1601, 7, "R_PDO2 mapped object 7", U32).default(0),
-    rw(0x1601, 8, "R_PDO2 mapped object 8", U32).default(0),
-    ro(0x1800, 0, "T_PDO1 parameter: highest subindex", U8).default(5),
-    rw(0x1800, 1, "COB-ID T_PDO1", U32).default_plus_node(0x40000180),
-    rw(0x1800, 2, "Transmission type T_PDO1", U8).default(255),
-    rw(0x1800, 3, "Inhibit time T_PDO1", U16).default(0).unit("100 us"),
-    rw(0x1800, 5, "Event timer T_PDO1", U16).default(0).unit("ms"),
-    ro(0x1801, 0, "T_PDO2 parameter: highest subindex", U8).default(5),
-    rw(0x1801, 1, "COB-ID T_PDO2", U32).default_plus_node(0x40000280),
-    rw(0x1801, 2, "Transmission type T_PDO2", U8).default(255),
-    rw(0x1801, 3, "Inhibit time T_PDO2", U16).default(0).unit("100 us"),
-    rw(0x1801, 5, "Event timer T_PDO2", U16).default(0).unit("ms"),
-    rw(0x1A00, 0, "T_PDO1 mapping: number", U8).range(0, 8).default(2),
-    rw(0x1A00, 1, "T_PDO1 mapped object 1", U32).default(0x6000_0108),
-    rw(0x1A00, 2, "T_PDO1 mapped object 2", U32).default(0x6000_0208),
-    rw(0x1A00, 3, "T_PDO1 mapped object 3", U32).default(0),
-    rw(0x1A00, 4, "T_PDO1 mapped object 4", U32).default(0),
-    rw(0x1A00, 5, "T_PDO1 mapped object 5", U32).default(0),
-    rw(0x1A00, 6, "T_PDO1 mapped object 6", U32).default(0),
-    rw(0x1A00, 7, "T_PDO1 mapped object 7", U32).default(0),
-    rw(0x1A00, 8, "T_PDO1 mapped object 8", U32).default(0),
-    rw(0x1A01, 0, "T_PDO2 mapping: number", U8).range(0, 8).default(4),
-    rw(0x1A01, 1, "T_PDO2 mapped object 1", U32).default(0x6401_0110),
-    rw(0x1A01, 2, "T_PDO2 mapped object 2", U32).default(0x6401_0210),
-    rw(0x1A01, 3, "T_PDO2 mapped object 3", U32).default(0x6401_0310),
-    rw(0x1A01, 4, "T_PDO2 mapped object 4", U32).default(0x6401_0410),
-    rw(0x1A01, 5, "T_PDO2 mapped object 5", U32).default(0),
-    rw(0x1A01, 6, "T_PDO2 mapped object 6", U32).default(0),
-    rw(0x1A01, 7, "T_PDO2 mapped object 7", U32).default(0),
-    rw(0x1A01, 8, "T_PDO2 mapped object 8", U32).default(0),
+const PROFILE: &[Entry] = &[
     // Digital inputs, by bytes …
     ro(0x6000, 0, "Digital inputs: number", U8).default(2),
     ro(0x6000, 1, "Digital inputs 0 to 7", U8).t_pdo(),
@@ -195,4 +146,4 @@ pub static CIA401: &[Entry] = &table([
     rw(0x6444, 2, "Error value of analog output 1", I32).default(0),
     rw(0x6444, 3, "Error value of analog output 2", I32).default(0),
     rw(0x6444, 4, "Error value of analog output 3", I32).default(0),
-]);
+];

@@ -2,65 +2,37 @@
 //!
 //! `default` is a value that a profile gives; `assumed` one that it leaves to the maker.
 
-use syncline_canopen::dictionary::DataType::{Text, U8, U16, U32};
+use super::cia301::{
+    EMCY_HEARTBEAT_IDENTITY, SDO_SERVER, UNUSED, device, errors, join, rows, sync_and_name, t_pdo,
+    t_pdo_mapping,
+};
+use syncline_canopen::dictionary::DataType::{U16, U32};
 use syncline_canopen::dictionary::{Entry, ro, rw, table};
 
 /// The table, in ascending order.
+pub static CIA406: &[Entry] = &table(join::<{ rows(PARTS) }>(PARTS));
+
+/// 1xxxh, communication profile (CiA 301), and what is behind it.
+const PARTS: &[&[Entry]] = &[
+    &device(0x0002_0196),
+    &errors::<2>(),
+    &sync_and_name("CiA 406"),
+    EMCY_HEARTBEAT_IDENTITY,
+    SDO_SERVER,
+    &t_pdo(1, 0, 254),
+    &t_pdo(2, 0, 1),
+    &t_pdo(3, UNUSED, 1),
+    &t_pdo(4, UNUSED, 1),
+    &t_pdo_mapping::<3>(1, &[0x6004_0020]),
+    &t_pdo_mapping::<3>(2, &[0x6004_0020]),
+    &t_pdo_mapping::<3>(3, &[]),
+    &t_pdo_mapping::<3>(4, &[]),
+    PROFILE,
+];
+
+/// 6xxxh: encoder profile (CiA 406).
 #[rustfmt::skip]
-pub static CIA406: &[Entry] = &table([
-    // 1xxxh: communication profile (CiA 301).
-    ro(0x1000, 0, "Device type", U32).default(0x0002_0196),
-    ro(0x1001, 0, "Error register", U8).default(0).t_pdo(),
-    rw(0x1003, 0, "Number of errors", U8).default(0),
-    ro(0x1003, 1, "Error field 1", U32).default(0),
-    rw(0x1005, 0, "COB-ID SYNC", U32).default(0x80),
-    ro(0x1008, 0, "Manufacturer device name", Text(16)).default_text("CiA 406"),
-    rw(0x1014, 0, "COB-ID EMCY", U32).default_plus_node(0x80),
-    rw(0x1015, 0, "Inhibit time EMCY", U16).default(0).unit("100 us"),
-    ro(0x1016, 0, "Consumer heartbeat time: number", U8).default(1),
-    rw(0x1016, 1, "Consumer heartbeat time", U32).default(0),
-    rw(0x1017, 0, "Producer heartbeat time", U16).default(0).unit("ms"),
-    ro(0x1018, 0, "Identity: number", U8).default(4),
-    ro(0x1018, 1, "Vendor ID", U32).default(0),
-    ro(0x1018, 2, "Product code", U32).default(0),
-    ro(0x1018, 3, "Revision number", U32).default(0),
-    ro(0x1018, 4, "Serial number", U32).default(0),
-    ro(0x1200, 0, "SDO server: number", U8).default(2),
-    ro(0x1200, 1, "COB-ID client to server", U32).default_plus_node(0x600),
-    ro(0x1200, 2, "COB-ID server to client", U32).default_plus_node(0x580),
-    ro(0x1800, 0, "T_PDO1 parameter: highest subindex", U8).default(5),
-    rw(0x1800, 1, "COB-ID T_PDO1", U32).default_plus_node(0x4000_0180),
-    rw(0x1800, 2, "Transmission type T_PDO1", U8).default(254),
-    rw(0x1800, 3, "Inhibit time T_PDO1", U16).default(0).unit("100 us"),
-    rw(0x1800, 5, "Event timer T_PDO1", U16).default(0).unit("ms"),
-    ro(0x1801, 0, "T_PDO2 parameter: highest subindex", U8).default(5),
-    rw(0x1801, 1, "COB-ID T_PDO2", U32).default_plus_node(0x4000_0280),
-    rw(0x1801, 2, "Transmission type T_PDO2", U8).default(1),
-    rw(0x1801, 3, "Inhibit time T_PDO2", U16).default(0).unit("100 us"),
-    rw(0x1801, 5, "Event timer T_PDO2", U16).default(0).unit("ms"),
-    ro(0x1802, 0, "T_PDO3 parameter: highest subindex", U8).default(5),
-    rw(0x1802, 1, "COB-ID T_PDO3", U32).default_plus_node(0xC000_0380),
-    rw(0x1802, 2, "Transmission type T_PDO3", U8).default(1),
-    rw(0x1802, 3, "Inhibit time T_PDO3", U16).default(0).unit("100 us"),
-    rw(0x1802, 5, "Event timer T_PDO3", U16).default(0).unit("ms"),
-    ro(0x1803, 0, "T_PDO4 parameter: highest subindex", U8).default(5),
-    rw(0x1803, 1, "COB-ID T_PDO4", U32).default_plus_node(0xC000_0480),
-    rw(0x1803, 2, "Transmission type T_PDO4", U8).default(1),
-    rw(0x1803, 3, "Inhibit time T_PDO4", U16).default(0).unit("100 us"),
-    rw(0x1803, 5, "Event timer T_PDO4", U16).default(0).unit("ms"),
-    rw(0x1A00, 0, "T_PDO1 mapping: number", U8).range(0, 2).default(1),
-    rw(0x1A00, 1, "T_PDO1 mapped object 1", U32).default(0x6004_0020),
-    rw(0x1A00, 2, "T_PDO1 mapped object 2", U32).default(0),
-    rw(0x1A01, 0, "T_PDO2 mapping: number", U8).range(0, 2).default(1),
-    rw(0x1A01, 1, "T_PDO2 mapped object 1", U32).default(0x6004_0020),
-    rw(0x1A01, 2, "T_PDO2 mapped object 2", U32).default(0),
-    rw(0x1A02, 0, "T_PDO3 mapping: number", U8).range(0, 2).default(0),
-    rw(0x1A02, 1, "T_PDO3 mapped object 1", U32).default(0),
-    rw(0x1A02, 2, "T_PDO3 mapped object 2", U32).default(0),
-    rw(0x1A03, 0, "T_PDO4 mapping: number", U8).range(0, 2).default(0),
-    rw(0x1A03, 1, "T_PDO4 mapped object 1", U32).default(0),
-    rw(0x1A03, 2, "T_PDO4 mapped object 2", U32).default(0),
-    // 6xxxh: encoder profile (CiA 406).
+const PROFILE: &[Entry] = &[
     rw(0x6000, 0, "Operating parameters", U16).default(0),
     rw(0x6001, 0, "Measuring units per revolution", U32).assumed(8192).unit("steps"),
     rw(0x6002, 0, "Total measuring range", U32).assumed(8192 * 4096).unit("steps"),
@@ -70,4 +42,4 @@ pub static CIA406: &[Entry] = &table([
     ro(0x6501, 0, "Single-turn resolution", U32).assumed(8192).unit("steps"),
     ro(0x6502, 0, "Number of distinguishable revolutions", U16).assumed(4096),
     ro(0x6503, 0, "Alarms", U16).default(0).t_pdo(),
-]);
+];

@@ -1,5 +1,6 @@
 //! Object dictionaries of the devices, each a table that reads like its manual's.
 
+mod cia301;
 mod cia401;
 mod cia402_csp;
 mod cia406;
