@@ -4,7 +4,7 @@ use super::state::{NotNow, Request};
 use super::{Controller, Event, Goal, Hold, Job, JobKind, State, StopPoint, ZeroOverrides};
 use crate::machine::COORDINATES;
 use std::mem::take;
-use syncline_gcode::AxisLetter;
+use syncline_gcode::{AxisLetter, AxisSet};
 use syncline_trajectory::path::{Jog, JogError, Overrides};
 
 /// An order to the controller; it is obeyed in the next cycle.
@@ -262,27 +262,24 @@ impl<const N: usize> Controller<N> {
 
     /// Whether the axes that an order moves by machine positions have such positions.
     fn check_references(&self, order: &Order<N>) -> Result<(), Refusal> {
-        let homes = |at: usize| match order {
-            Order::Begin(job) | Order::TakeUp(job) => AxisLetter::ALL
-                .get(at)
-                .is_some_and(|&it| job.homes_first.contains(it)),
-            _ => false,
+        let among = |axes: AxisSet, at: usize| {
+            (AxisLetter::ALL.get(at)).is_some_and(|&axis| axes.contains(axis))
         };
-        let leaves = |at: usize| match order {
-            Order::Begin(job) => AxisLetter::ALL
-                .get(at)
-                .is_some_and(|&it| job.leaves.contains(it)),
+        // What is taken up first leads back to where it was held, whichever axes that takes.
+        let excused = |at: usize| match order {
+            Order::Begin(job) => among(job.homes_first, at) || among(job.leaves, at),
+            Order::TakeUp(job) => among(job.homes_first, at),
             _ => false,
         };
         let needs = |at: usize| match order {
             Order::Begin(_) | Order::TakeUp(_) => {
-                !self.layout.homing.unreferenced_jobs && !homes(at) && !leaves(at)
+                !self.layout.homing.unreferenced_jobs && !excused(at)
             }
             Order::Jog(Jog::To(to) | Jog::Line { to, .. }) => to[at].is_some(),
             _ => false,
         };
         let moves = |at: usize| match order {
-            Order::Begin(_) | Order::TakeUp(_) => !homes(at) && !leaves(at),
+            Order::Begin(_) | Order::TakeUp(_) => !excused(at),
             Order::Jog(Jog::Continuous { axis, .. } | Jog::Step { axis, .. }) => *axis == at,
             _ => needs(at),
         };
