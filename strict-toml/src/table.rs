@@ -376,36 +376,37 @@ impl<'a, 'i> Table<'a, 'i> {
         self.optional(key, |table| table.interval(log, key, allowed))
     }
 
-    /// A list of pairs of numbers that `accept` takes, each first one above that of the pair before,
-    /// if the key is there.
-    pub fn points_if(
+    /// A list of points, each of as many numbers, that `accept` takes, if the key is there; the first number of each is
+    /// above that of the point before.
+    pub fn points_if<const N: usize>(
         &mut self,
         log: &mut Log<'_>,
         key: &'static str,
         allowed: &str,
-        accept: impl Fn(f64, f64) -> bool,
-    ) -> Found<Vec<(f64, f64)>> {
+        accept: impl Fn([f64; N]) -> bool,
+    ) -> Found<Vec<[f64; N]>> {
         self.optional(key, |table| table.points(log, key, allowed, accept))
     }
 
     /// The same, required.
-    pub fn points(
+    pub fn points<const N: usize>(
         &mut self,
         log: &mut Log<'_>,
         key: &'static str,
         allowed: &str,
-        accept: impl Fn(f64, f64) -> bool,
-    ) -> Found<Vec<(f64, f64)>> {
+        accept: impl Fn([f64; N]) -> bool,
+    ) -> Found<Vec<[f64; N]>> {
         let value = self.require(key, allowed)?;
-        let point = |item: &Spanned<DeValue<'_>>| match &item.get_ref().as_array()?[..] {
-            [one, other] => Some((number(one.get_ref())?, number(other.get_ref())?)),
-            _ => None,
+        let point = |item: &Spanned<DeValue<'_>>| {
+            let numbers = item.get_ref().as_array()?.iter();
+            let numbers: Option<Vec<_>> = numbers.map(|it| number(it.get_ref())).collect();
+            <[f64; N]>::try_from(numbers?).ok()
         };
         let items = value.get_ref().as_array();
         let points: Option<Vec<_>> = items.and_then(|items| items.iter().map(point).collect());
         let points = points.filter(|points| {
-            let ascends = points.windows(2).all(|pair| pair[0].0 < pair[1].0);
-            ascends && points.iter().all(|&(one, other)| accept(one, other))
+            let ascends = points.windows(2).all(|pair| pair[0][0] < pair[1][0]);
+            ascends && points.iter().all(|&it| accept(it))
         });
         if points.is_none() {
             self.wrong(log, key, value, allowed);

@@ -25,7 +25,7 @@ const MOST_FREQUENCY: f64 = 0.1;
 /// What a file says of it.
 pub(super) struct ShaperTable {
     kind: Kind,
-    modes: Spanned<Vec<(f64, f64)>>,
+    modes: Spanned<Vec<[f64; 2]>>,
 }
 
 impl ShaperTable {
@@ -36,8 +36,9 @@ impl ShaperTable {
             "[[frequency, damping], …], one to {MOST_MODES}, in ascending order of frequency: from {LEAST_FREQUENCY} \
              Hz, damping ratios from 0 to 0.3"
         );
-        let accept =
-            |frequency, damping| frequency >= LEAST_FREQUENCY && (0.0..=0.3).contains(&damping);
+        let accept = |[frequency, damping]: [f64; 2]| {
+            frequency >= LEAST_FREQUENCY && (0.0..=0.3).contains(&damping)
+        };
         let modes = table.points(log, "modes", &allowed, accept);
         if let Some(modes) = &modes
             && !(1..=MOST_MODES).contains(&modes.get_ref().len())
@@ -57,7 +58,7 @@ impl ShaperTable {
     /// The shaper, in a machine with that cycle.
     pub(super) fn join(&self, log: &mut Log<'_>, cycle: Duration) -> Shaper {
         let most = MOST_FREQUENCY / cycle.as_secs_f64();
-        let mut frequencies = self.modes.get_ref().iter().map(|(frequency, _)| frequency);
+        let mut frequencies = self.modes.get_ref().iter().map(|[frequency, _]| frequency);
         if let Some(frequency) = frequencies.find(|&&frequency| frequency > most) {
             log.report(
                 self.modes.span(),
@@ -70,7 +71,7 @@ impl ShaperTable {
         }
         let modes = self.modes.get_ref().iter();
         let modes: Vec<_> = modes
-            .map(|&(frequency, damping)| Vibration { frequency, damping })
+            .map(|&[frequency, damping]| Vibration { frequency, damping })
             .collect();
         Shaper::new(self.kind, &modes)
     }

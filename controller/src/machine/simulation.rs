@@ -10,6 +10,7 @@ use std::ops::RangeInclusive;
 use syncline_drives::mechanics::drive_train::{Brake, DriveTrain, Elasticity, LeadError};
 use syncline_drives::mechanics::friction::Friction;
 use syncline_drives::mechanics::rigid_beam::{self, Beam, Racking};
+use syncline_drives::mechanics::structure::StructureMode;
 use syncline_drives::model::{Direction, Increments, Scaling};
 use syncline_drives::twin;
 use syncline_drives::twin::random::Random;
@@ -32,6 +33,8 @@ pub struct Simulation {
     pub encoder: Option<EncoderErrors>,
     /// What a scale at the load tells apart, by which its drives close their position loops, mm; `None`: there is none.
     pub scale: Option<f64>,
+    /// How the machine sways along the axis between tool and workpiece as it accelerates.
+    pub structure: Vec<StructureMode>,
     /// Where the axis stands when it is switched on; `None`: where its homing ends, or near zero.
     pub start: Option<Start>,
     /// By how much the second side of a gantry stands further then.
@@ -210,6 +213,9 @@ pub struct Stiffness {
 /// N/m.
 const N_PER_MICROMETRE: f64 = 1e6;
 
+/// Most modes of a structure along an axis.
+const MOST_MODES: usize = 8;
+
 /// What does not give way.
 const STIFF: &str = "stiff";
 
@@ -364,6 +370,10 @@ pub(super) fn read(
         Simulated::Axis { .. } if !is_tied => scale_step(log, &mut table, rotary),
         Simulated::Axis { .. } | Simulated::Spindle => None,
     };
+    let structure = match what {
+        Simulated::Axis { rotary: false, .. } => structure(log, &mut table),
+        Simulated::Axis { .. } | Simulated::Spindle => Vec::new(),
+    };
     let encoder = encoder(log, &mut table);
     let position = if rotary { "(°)" } else { "(mm)" };
     let allowed = format!("a number from -10000000 to 10000000 {position}");
@@ -402,6 +412,7 @@ pub(super) fn read(
         },
         encoder,
         scale,
+        structure,
     })
 }
 
@@ -621,10 +632,10 @@ fn load(log: &mut Log<'_>, table: &mut Table<'_, '_>, rotary: bool, axis: &mut F
         "[[position, error], …] {position} and {micro}, in ascending order of position, errors of at \
          most 1000000"
     );
-    let accept = |_, error: f64| error.abs() <= 1e6;
+    let accept = |[_, error]: [f64; 2]| error.abs() <= 1e6;
     let found = table.points_if(log, "lead_error", &allowed, accept);
     let points = found.map_or(Vec::new(), |points| points.into_inner());
-    axis.lead_error = points.into_iter().map(|(at, it)| (at, it * 1e-3)).collect();
+    axis.lead_error = points.into_iter().map(|[at, it]| (at, it * 1e-3)).collect();
 }
 
 /// How unevenly a spindle turns.
@@ -657,6 +668,31 @@ fn scale_step(log: &mut Log<'_>, table: &mut Table<'_, '_>, rotary: bool) -> Opt
     let range = 1e-3..=1e3;
     let found = table.number_if(log, "scale_step", &allowed, |step| range.contains(&step));
     found.map(|step| step.into_inner() * 1e-3)
+}
+
+/// How the machine sways along a linear axis.
+fn structure(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Vec<StructureMode> {
+    let allowed = format!(
+        "[[frequency, damping, mass], …], at most {MOST_MODES}, in ascending order of frequency: 0.5 to 1000 Hz, damping \
+         ratios from 0.001 to 0.3, 1 to 10000000 kg"
+    );
+    let accept = |[frequency, damping, mass]: [f64; 3]| {
+        (0.5..=1e3).contains(&frequency)
+            && (1e-3..=0.3).contains(&damping)
+            && (1.0..=1e7).contains(&mass)
+    };
+    let found = table.points_if(log, "structure", &allowed, accept);
+    let (span, modes) = found.map_or_else(Default::default, |it| (it.span(), it.into_inner()));
+    if modes.len() > MOST_MODES {
+        let problem = format!("{}: {} modes of `structure`", table.title, modes.len());
+        log.report(span, problem, format!("allowed: {allowed}"));
+    }
+    let mode = |[frequency, damping, mass]: [f64; 3]| StructureMode {
+        frequency,
+        damping,
+        mass,
+    };
+    modes.into_iter().map(mode).collect()
 }
 
 /// What makes the encoder's reading wrong, if anything is said of it.

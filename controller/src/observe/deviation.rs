@@ -1,8 +1,9 @@
 //! Setpoint and tool against the programmed geometry.
 //!
-//! The contour error is the distance of the tool from the program's moves. It has two parts: what the planner
-//! rounds off, which is how far the setpoint is from them, and what the drives make of the setpoints, which
-//! is how far the tool is off the path of those (`trail`). In the worst case they add up.
+//! The contour error is the distance of the tool from the program's moves. It has three parts: what the planner
+//! rounds off, which is how far the setpoint is from them; what the drives make of the setpoints, which
+//! is how far the axes are off the path of those (`trail`); and the sway of the structure, by which the tool is not
+//! where the axes are (`structure`). In the worst case they add up.
 
 use super::Observed;
 use super::kept::Kept;
@@ -32,7 +33,7 @@ pub const AHEAD: u32 = 8;
 pub(super) struct Deviation {
     /// Of the setpoint, mm: what rounding makes of the contour error.
     setpoint: Greatest,
-    /// Of the actual position, mm: the contour error.
+    /// Of the tool, mm: the contour error.
     tool: Greatest,
     /// Of the actual position from the path of the setpoints, mm: the drives' part of it.
     drives: Greatest,
@@ -102,11 +103,12 @@ impl Deviation {
         self.without_moves = true;
     }
 
-    /// Takes what is seen at one SYNC; how far setpoint and tool are from the program's moves, unless the axes are off
-    /// the path.
+    /// Takes what is seen at one SYNC, and where the tool is; how far setpoint and tool are from the program's moves,
+    /// unless the axes are off the path.
     pub(super) fn observe(
         &mut self,
         observed: &Observed,
+        tool: &Position,
         time: f64,
         violations: &mut Kept<Violation>,
     ) -> Option<OffPath> {
@@ -115,7 +117,7 @@ impl Deviation {
         } = observed;
         let plan = &row.plan;
         if self.without_moves {
-            return self.observe_trail(observed, time, violations);
+            return self.observe_trail(observed, tool, time, violations);
         }
         let Some(motion) = observed.tags.and(observed.moves.motion(plan.tag)) else {
             self.trail.clear();
@@ -128,13 +130,14 @@ impl Deviation {
             at
         };
         let (position, actual) = (on_path(plan.position), &on_path(*actual));
+        let at_tool = &on_path(*tool);
         let foot = nearest(observed, &position);
         let deviation = foot.as_ref().map_or(f64::INFINITY, |foot| foot.away);
-        (self.trail).push(row.cycle, position, plan.velocity, actual);
+        (self.trail).push(row.cycle, position, plan.velocity, at_tool);
         let reach = self.trail.reach() + CORNER * deviation;
-        let nowhere = (f64::INFINITY, *actual);
+        let nowhere = (f64::INFINITY, *at_tool);
         let (tool, place) = foot.map_or(nowhere, |foot| {
-            from_stretch(observed.moves, &foot, reach, actual).unwrap_or(nowhere)
+            from_stretch(observed.moves, &foot, reach, at_tool).unwrap_or(nowhere)
         });
         let at = Place { time, line: *line };
         self.setpoint.look(deviation, at);
@@ -151,14 +154,15 @@ impl Deviation {
         Some(OffPath {
             setpoint: deviation,
             tool,
-            by: [0, 1, 2].map(|at| actual[at] - place[at]),
+            by: [0, 1, 2].map(|at| at_tool[at] - place[at]),
         })
     }
 
-    /// Takes what is seen at one SYNC where the contour error is the drives' alone.
+    /// Takes what is seen at one SYNC where the contour error is the drives' and the structure's alone.
     fn observe_trail(
         &mut self,
         observed: &Observed,
+        at_tool: &Position,
         time: f64,
         violations: &mut Kept<Violation>,
     ) -> Option<OffPath> {
@@ -169,11 +173,11 @@ impl Deviation {
             self.trail.clear();
             return None;
         }
-        (self.trail).push(row.cycle, row.plan.position, row.plan.velocity, actual);
-        let tool = self.trail.distance(actual);
+        (self.trail).push(row.cycle, row.plan.position, row.plan.velocity, at_tool);
+        let tool = self.trail.distance(at_tool);
         let at = Place { time, line: *line };
         self.tool.look(tool, at);
-        self.drives.look(tool, at);
+        self.drives.look(self.trail.distance(actual), at);
         let limit = self.tolerance;
         (self.contour).look(violations, at, tool, limit, |_| {
             violation("contour_error", at, tool, limit)
@@ -181,7 +185,7 @@ impl Deviation {
         Some(OffPath {
             setpoint: 0.0,
             tool,
-            by: [0, 1, 2].map(|at| actual[at] - row.plan.position[at]),
+            by: [0, 1, 2].map(|at| at_tool[at] - row.plan.position[at]),
         })
     }
 

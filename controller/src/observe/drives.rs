@@ -1,5 +1,5 @@
-//! What the simulated drives of a run were asked for: torque, speed, and how the sides of a gantry
-//! work against each other.
+//! What the simulated drives of a run were asked for: torque, speed, how the sides of a gantry
+//! work against each other, and how what they accelerate sways the structure.
 //!
 //! Each is looked at once a cycle, shortly behind its SYNC, as it truly is: without the encoder's noise and
 //! without the drive's own idea of it. What is over between two cycles is not seen. Speed is held against that
@@ -8,17 +8,19 @@
 use super::kept::Kept;
 use super::limits::Watch;
 use super::record::{Greatest, Place, Violation};
-use super::summary::{DriveSummary, GantrySummary};
-use crate::machine::{Axis, Drive, FeedAxis, Machine, Simulation, Validation};
+use super::structure::StructureWatch;
+use super::summary::{DriveSummary, GantrySummary, StructureSummary};
+use crate::machine::{Axis, Drive, FeedAxis, Machine, Position, Simulation, Validation};
 use syncline_drives::model::Increments;
 use syncline_drives::twin::Observation;
 use syncline_drives::twin::servo::power_stage::DcBus;
 
-/// What is watched of all drives and gantries.
+/// What is watched of all drives, gantries and the structure.
 #[derive(Debug)]
 pub(super) struct Drives {
     drives: Vec<DriveWatch>,
     gantries: Vec<GantryWatch>,
+    structures: Vec<StructureWatch>,
     /// The drives at the last SYNC.
     seen: Vec<Observation>,
     /// Cycles in which they were seen.
@@ -92,6 +94,9 @@ impl Drives {
         Self {
             drives: drives.map(|it| DriveWatch::new(machine, it)).collect(),
             gantries: gantries.map(|it| GantryWatch::new(machine, it)).collect(),
+            structures: (machine.axes.iter())
+                .filter_map(|axis| StructureWatch::new(machine, axis))
+                .collect(),
             seen: Vec::with_capacity(machine.drives.len()),
             rows: 0,
         }
@@ -116,6 +121,18 @@ impl Drives {
         for gantry in &mut self.gantries {
             gantry.observe(at, &self.seen, violations);
         }
+        for structure in &mut self.structures {
+            structure.observe(at, &self.seen);
+        }
+    }
+
+    /// Where the tool is at the next SYNC, by where the axes are.
+    pub(super) fn tool(&self, actual: &Position) -> Position {
+        let mut tool = *actual;
+        for structure in &self.structures {
+            structure.sway(&mut tool);
+        }
+        tool
     }
 
     /// Whether some axis falls where nothing holds it.
@@ -146,13 +163,16 @@ impl Drives {
     }
 
     /// What was seen; nothing where nothing could be.
-    pub(super) fn summaries(&self) -> (Vec<DriveSummary>, Vec<GantrySummary>) {
+    pub(super) fn summaries(
+        &self,
+    ) -> (Vec<DriveSummary>, Vec<GantrySummary>, Vec<StructureSummary>) {
         if self.rows == 0 {
             return Default::default();
         }
+        let structures = self.structures.iter().map(StructureWatch::summary);
         let drives = self.drives.iter().map(|it| it.summary(self.rows));
         let gantries = self.gantries.iter().map(|it| it.summary(self.rows));
-        (drives.collect(), gantries.collect())
+        (drives.collect(), gantries.collect(), structures.collect())
     }
 }
 

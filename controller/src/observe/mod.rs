@@ -10,6 +10,7 @@
 //! - `trail`: the path of the setpoints, which the drives are to follow
 //! - [`loops`]: how far the loops of simulated drives are from swinging
 //! - `drives`: torque and speed of simulated drives, skew and torque fight of gantries
+//! - `structure`: how the simulated machine sways between tool and workpiece
 //! - [`travel`]: how far the tool has come along the program, and for how long it moved
 //! - [`places`]: where a run was worst
 //! - `positioning`: what axes did that go point to point
@@ -43,6 +44,7 @@ pub mod provenance;
 pub mod record;
 pub mod sampled;
 pub mod sent;
+mod structure;
 pub mod summary;
 pub mod switched;
 pub mod timing;
@@ -254,7 +256,8 @@ impl Observers {
         let moved = self.travel.cycles.motion - moved;
         self.operations.observe(row, time, line, moved);
         self.switched.observe(row, time);
-        let off_path = self.deviation.observe(observed, time, &mut self.violations);
+        let tool = self.drives.tool(&observed.actual);
+        let off_path = (self.deviation).observe(observed, &tool, time, &mut self.violations);
         self.places.observe(&Seen {
             at: self.last(),
             off_path: off_path.map(|it| [it.setpoint, it.tool]),
@@ -441,7 +444,7 @@ impl Observers {
             Some(End::Fault(_)) | None => "fail",
         };
         let finished = matches!(controller.end(), Some(End::Finished | End::SwitchedOff));
-        let (drives, gantries) = self.drives.summaries();
+        let (drives, gantries, structures) = self.drives.summaries();
         let cycle = self.cycle;
         let seconds = |cycles| seconds(cycle, cycles);
         let (switched, switched_left_off) = std::mem::take(&mut self.switched).end();
@@ -473,6 +476,7 @@ impl Observers {
             axes: self.axes.iter().map(AxisSummary::new).collect(),
             drives,
             gantries,
+            structures,
             loops: std::mem::take(&mut self.loops),
             operations,
             operations_left_off,

@@ -59,6 +59,9 @@ pub struct Summary {
     /// The axes with two drives, where those are simulated.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub gantries: Vec<GantrySummary>,
+    /// How the structure swayed along axes whose simulation says how it can.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub structures: Vec<StructureSummary>,
     /// The loops of simulated servo drives, as they are set in the end, in a validation.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub loops: Vec<LoopSummary>,
@@ -112,7 +115,7 @@ pub struct Stopped {
 /// Why an axis did not follow: what alone lets it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Cause {
-    /// `gains`, `motor`, `transmission` or `load`; `several` where none of them alone helps.
+    /// `gains`, `structure`, `motor`, `transmission` or `load`; `several` where none of them alone helps.
     pub what: &'static str,
     /// The axis.
     pub axis: String,
@@ -340,6 +343,36 @@ pub struct GantrySummary {
     pub rms_torque_fight: f64,
 }
 
+/// How the structure of the machine swayed along an axis, between tool and workpiece.
+#[derive(Clone, Debug, Serialize)]
+pub struct StructureSummary {
+    /// The axis.
+    pub axis: &'static str,
+    /// How far the tool was off by it at most, mm.
+    pub max_sway_mm: f64,
+    /// Where that was.
+    pub max_sway_at: Place,
+    /// Greatest amplitude with which the tool swung on once the axis had rested for a period of the slowest mode, mm.
+    pub max_residual_mm: f64,
+    /// Where that was.
+    pub max_residual_at: Place,
+    /// How far a steady force at the tool bends it, µm/N.
+    pub static_compliance: f64,
+    /// Where a force that swings bends it most.
+    pub worst_compliance: Compliance,
+    /// The compliance over frequency.
+    pub response: Vec<Compliance>,
+}
+
+/// How far a force that swings with a frequency bends a structure.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Compliance {
+    /// Hz.
+    pub frequency: f64,
+    /// µm/N.
+    pub um_per_n: f64,
+}
+
 /// As a person reads it.
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -389,6 +422,9 @@ impl fmt::Display for Summary {
         }
         for gantry in &self.gantries {
             writeln!(f, "gantry {:<11} {gantry}", gantry.axis)?;
+        }
+        for structure in &self.structures {
+            writeln!(f, "structure {:<8} {structure}", structure.axis)?;
         }
         for loops in &self.loops {
             writeln!(f, "loops {:<12} {loops}", loops.drive)?;
@@ -534,6 +570,24 @@ impl fmt::Display for GantrySummary {
             f,
             "; torque against each other max {:.3} N·m in {}, rms {:.3} N·m",
             self.max_torque_fight, self.max_torque_fight_at, self.rms_torque_fight
+        )
+    }
+}
+
+/// As a person reads it, but for the axis.
+impl fmt::Display for StructureSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "tool sways max {:.4} mm in {}; swings on by {:.4} mm at rest in {}; compliance {:.3} µm/N, at most \
+             {:.3} µm/N at {:.1} Hz",
+            self.max_sway_mm,
+            self.max_sway_at,
+            self.max_residual_mm,
+            self.max_residual_at,
+            self.static_compliance,
+            self.worst_compliance.um_per_n,
+            self.worst_compliance.frequency
         )
     }
 }

@@ -154,6 +154,41 @@ pub(super) fn drives(summary: &Summary) -> String {
     }
 }
 
+/// How the structure swayed, and how far a force at the tool bends it.
+pub(super) fn structure(summary: &Summary) -> String {
+    let mut rows = String::new();
+    let mut plots = String::new();
+    for it in &summary.structures {
+        _ = writeln!(
+            rows,
+            "<tr><th>{}<td>{}</tr>",
+            it.axis,
+            escape(&it.to_string())
+        );
+        let points = it.response.iter().map(|at| (at.frequency, at.um_per_n));
+        let points: Vec<_> = points.collect();
+        plots += &plot::curves(
+            &format!("Compliance along {}", it.axis),
+            ("Hz", "µm/N"),
+            (Along::Decades, Along::Decades),
+            &[Curve {
+                class: "act",
+                name: "",
+                points: &points,
+            }],
+        );
+    }
+    match rows.is_empty() {
+        true => rows,
+        false => section(
+            "Structure",
+            format!(
+                "<div class=scroll><table class=words>{rows}</table></div><div class=pair>{plots}</div>"
+            ),
+        ),
+    }
+}
+
 /// The loops of the drives, with their open loops over frequency.
 pub(super) fn loops(summary: &Summary) -> String {
     let mut rows = String::new();

@@ -2,8 +2,10 @@
 
 use super::Plan;
 use super::result::{CAUSE, INVALID, LINE, RUN, SEED, SET, VERDICT};
-use crate::machine::{Machine, MachineError};
-use crate::observe::summary::{AxisSummary, DriveSummary, GantrySummary, Summary};
+use crate::machine::{Axis, Machine, MachineError};
+use crate::observe::summary::{
+    AxisSummary, DriveSummary, GantrySummary, StructureSummary, Summary,
+};
 use crate::validate::Inputs;
 use std::error::Error;
 use std::iter;
@@ -34,14 +36,19 @@ const OF_DRIVE: [Named<DriveSummary>; 3] = [
     ("rms_torque", |drive| drive.rms_torque),
 ];
 const OF_GANTRY: [Named<GantrySummary>; 1] = [("max_skew_mm", |gantry| gantry.max_skew_mm)];
+const OF_STRUCTURE: [Named<StructureSummary>; 2] = [
+    ("max_sway_mm", |structure| structure.max_sway_mm),
+    ("max_residual_mm", |structure| structure.max_residual_mm),
+];
 
-/// Where a column's number is in a summary: of which axis, drive or gantry, by name.
+/// Where a column's number is in a summary: of which axis, drive, gantry or structure, by name.
 #[derive(Clone, Debug)]
 enum Number {
     Run(fn(&Summary) -> f64),
     Axis(String, fn(&AxisSummary) -> f64),
     Drive(String, fn(&DriveSummary) -> f64),
     Gantry(String, fn(&GantrySummary) -> f64),
+    Structure(String, fn(&StructureSummary) -> f64),
 }
 
 impl Number {
@@ -57,6 +64,11 @@ impl Number {
                 .map(number),
             Self::Gantry(name, number) => summary
                 .gantries
+                .iter()
+                .find(|it| it.axis == name)
+                .map(number),
+            Self::Structure(name, number) => summary
+                .structures
                 .iter()
                 .find(|it| it.axis == name)
                 .map(number),
@@ -110,6 +122,19 @@ impl Runs {
                 (
                     format!("gantry.{name}.{number}"),
                     Number::Gantry(name.clone(), of),
+                )
+            }));
+        }
+        let sways = |axis: &&Axis| {
+            let simulation = axis.simulation.as_ref();
+            simulation.is_some_and(|it| !it.structure.is_empty())
+        };
+        for axis in named.axes.iter().filter(sways) {
+            let name = axis.letter.to_string();
+            numbers.extend(OF_STRUCTURE.map(|(number, of)| {
+                (
+                    format!("structure.{name}.{number}"),
+                    Number::Structure(name.clone(), of),
                 )
             }));
         }

@@ -1,12 +1,14 @@
 //! Why a machine does not follow: which repair alone would let it.
 //!
 //! A motor that is too weak, a transmission that is too soft, a load that is too heavy and loops that are set wrong all
-//! end in the same following error, and most of them in the same torque. What tells them apart is what helps. So
+//! end in the same following error, most of them in the same torque; a structure that sways has the tool off the path as well. What tells them apart is what helps. So
 //! a run that failed because an axis did not follow is run once more with one value of the machine file mended
 //! at a time, by the same controller on the same drives, as far as it failed and a little further. The first
 //! repair that lets it follow names the cause, in this order:
 //!
 //! - `gains`: without what `sdo` sets in its drives, which have the gains then that suit the axis,
+//! - `structure`: with a structure that does not sway along one axis: then the axes follow, and only an input shaper or
+//!   gentler motion helps,
 //! - `motor`: with the next greater generic motors. A motor changes nothing of what loops can be on an axis that
 //!   gives way,
 //! - `transmission`: with the usual stiffness of its kind, where the file states less,
@@ -47,8 +49,9 @@ pub struct Again<'a> {
 }
 
 /// A value of the machine file that would be another one.
-struct Repair {
+struct Repair<'a> {
     what: &'static str,
+    axis: &'a Axis,
     /// As [`Machine::load_with`] takes them.
     settings: Vec<String>,
     /// What is there now.
@@ -69,15 +72,15 @@ impl Again<'_> {
         let Some((time, axis)) = failed(machine, summary) else {
             return Ok(None);
         };
-        let repairs = repairs(machine, axis);
+        let repairs = repairs(machine, summary, axis);
         let tried = !repairs.is_empty();
         for repair in repairs {
-            let Some(max_torque) = self.follows(&repair, time, axis)? else {
+            let Some(max_torque) = self.follows(&repair, time)? else {
                 continue;
             };
             return Ok(Some(Cause {
                 what: repair.what,
-                axis: axis.name().to_owned(),
+                axis: repair.axis.name().to_owned(),
                 now: repair.now,
                 follows_with: repair.settings,
                 max_torque_then: Some(max_torque),
@@ -93,12 +96,7 @@ impl Again<'_> {
     }
 
     /// Whether the machine follows for so long with a repair, and the greatest torque of the axis's drives then, N·m.
-    fn follows(
-        &self,
-        repair: &Repair,
-        time: f64,
-        axis: &Axis,
-    ) -> Result<Option<f64>, Box<dyn Error>> {
+    fn follows(&self, repair: &Repair<'_>, time: f64) -> Result<Option<f64>, Box<dyn Error>> {
         let settings = [self.settings, &repair.settings].concat();
         let inputs = Inputs::read(self.file, &settings, self.tables)?;
         let until = time + BEYOND;
@@ -108,7 +106,8 @@ impl Again<'_> {
         if failed(&inputs.machine, &summary).is_some_and(|(failed, _)| failed <= until) {
             return Ok(None);
         }
-        let drives = axis.drives.iter().filter_map(|&at| summary.drives.get(at));
+        let drives = repair.axis.drives.iter();
+        let drives = drives.filter_map(|&at| summary.drives.get(at));
         Ok(Some(drives.fold(0.0, |most, it| it.max_torque.max(most))))
     }
 }
@@ -143,9 +142,10 @@ fn blamed(summary: &Summary) -> Option<&str> {
     summary.stopped.as_ref()?.axis
 }
 
-/// What may be tried of an axis, in order.
-fn repairs(machine: &Machine, axis: &Axis) -> Vec<Repair> {
+/// What may be tried where an axis did not follow, in order.
+fn repairs<'a>(machine: &'a Machine, summary: &Summary, axis: &'a Axis) -> Vec<Repair<'a>> {
     let mut repairs: Vec<Repair> = gains(machine, axis).into_iter().collect();
+    repairs.extend(structures(machine, summary));
     let Some(simulation) = &axis.simulation else {
         return repairs;
     };
@@ -156,6 +156,7 @@ fn repairs(machine: &Machine, axis: &Axis) -> Vec<Repair> {
             .filter(|it| it.peak_torque > motor.peak_torque);
         repairs.extend(greater.map(|it| Repair {
             what: "motor",
+            axis,
             settings: vec![format!("{}=\"{}\"", key("motor"), it.name)],
             now: format!("{} of {:.2} N·m", motor.name, motor.peak_torque),
         }));
@@ -168,6 +169,7 @@ fn repairs(machine: &Machine, axis: &Axis) -> Vec<Repair> {
         let unit = if linear { "N/µm" } else { "N·m/rad" };
         repairs.push(Repair {
             what: "transmission",
+            axis,
             settings: vec![format!("{}={:?}", key("stiffness"), it.usual)],
             now: format!("{} of {:.4} {unit}{swings}", it.name, it.stiffness),
         });
@@ -176,6 +178,7 @@ fn repairs(machine: &Machine, axis: &Axis) -> Vec<Repair> {
         let unit = if linear { "kg" } else { "kg·m²" };
         repairs.extend(LIGHTER.iter().map(|by| Repair {
             what: "load",
+            axis,
             settings: vec![format!("{}={:?}", key("load"), load / by)],
             now: format!("{load:.3} {unit}{swings}"),
         }));
@@ -184,18 +187,41 @@ fn repairs(machine: &Machine, axis: &Axis) -> Vec<Repair> {
 }
 
 /// The drives of an axis as they are by themselves, where the file sets objects in them.
-fn gains(machine: &Machine, axis: &Axis) -> Option<Repair> {
+fn gains<'a>(machine: &Machine, axis: &'a Axis) -> Option<Repair<'a>> {
     let drives = axis.drives.iter().map(|&drive| &machine.drives[drive]);
     let set: Vec<_> = drives.filter(|it| !it.objects.is_empty()).collect();
     let objects = set.iter().flat_map(|it| &it.objects);
     let objects: Vec<_> = objects.map(|it| it.address.to_string()).collect();
     (!set.is_empty()).then(|| Repair {
         what: "gains",
+        axis,
         settings: set
             .iter()
             .map(|it| format!("drive.{:?}.sdo=[]", it.name))
             .collect(),
         now: format!("the file sets {}", objects.join(", ")),
+    })
+}
+
+/// Each axis along which the structure sways, without that; where it swayed most first.
+fn structures<'a>(
+    machine: &'a Machine,
+    summary: &Summary,
+) -> impl Iterator<Item = Repair<'a>> + use<'a> {
+    let mut swayed: Vec<_> = summary.structures.iter().collect();
+    swayed.sort_by(|one, other| other.max_sway_mm.total_cmp(&one.max_sway_mm));
+    let swayed: Vec<_> = swayed
+        .into_iter()
+        .map(|it| (it.axis, it.max_sway_mm))
+        .collect();
+    swayed.into_iter().filter_map(|(name, sway)| {
+        let axis = machine.axes.iter().find(|it| it.name() == name)?;
+        Some(Repair {
+            what: "structure",
+            axis,
+            settings: vec![format!("axis.{name}.simulation.structure=[]")],
+            now: format!("the tool sways by {sway:.4} mm"),
+        })
     })
 }
 

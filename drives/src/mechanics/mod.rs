@@ -5,7 +5,8 @@
 //! drive that moves it: an inertia with friction, which is taken where nothing is known, and a feed
 //! axis with all that its data sheets say. What ties several shafts together ([`rigid_beam`]) cannot step with any of their
 //! drives, whose oscillators differ: the [world](crate::world) steps it on a grid of its own, and
-//! each drive reads its shaft in between.
+//! each drive reads its shaft in between. What no shaft feels is the machine's [`structure`], which sways between
+//! tool and workpiece.
 //!
 //! # What the grid costs
 //!
@@ -26,6 +27,7 @@ pub mod mode;
 pub mod reactions;
 pub mod rigid;
 pub mod rigid_beam;
+pub mod structure;
 pub mod touch_probe;
 
 /// What acts on a shaft during a step.

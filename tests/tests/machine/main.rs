@@ -76,6 +76,7 @@ mod soak;
 mod splines;
 mod stepper;
 mod stops;
+mod structure;
 mod surface_speed;
 mod sweep;
 mod switched;

@@ -70,15 +70,15 @@ impl AnalogInputTable {
             "[[seconds, value], …], seconds ascending from 0 to {LATEST}, values from {} to {most}",
             -most
         );
-        let simulated = table.points_if(log, "simulated", &allowed, |at, value| {
-            (0.0..=LATEST).contains(&at) && value.abs() <= most
-        });
+        let accept = |[at, value]: [f64; 2]| (0.0..=LATEST).contains(&at) && value.abs() <= most;
+        let simulated = table.points_if(log, "simulated", &allowed, accept);
+        let simulated = simulated.map_or_else(Vec::new, Spanned::into_inner);
         table.finish(log);
         Some(Self {
             wire: wire?,
             full_scale: full_scale?.into_inner(),
             number: number?,
-            simulated: simulated.map_or_else(Vec::new, Spanned::into_inner),
+            simulated: simulated.into_iter().map(<(f64, f64)>::from).collect(),
         })
     }
 }

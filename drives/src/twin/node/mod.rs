@@ -246,12 +246,14 @@ impl<F: Firmware + Send + 'static> SimulatedDevice for Device<F> {
     }
 
     fn observe(&self) -> Observation {
+        let shaft = self.firmware.shaft();
         Observation {
             nmt_state: self.node.state(),
             is_powered: self.firmware.is_powered(),
-            position: self.firmware.shaft().map_or(0.0, Shaft::position),
-            velocity: self.firmware.shaft().map_or(0.0, Shaft::velocity),
-            at: self.firmware.shaft().map(Shaft::at),
+            position: shaft.map_or(0.0, Shaft::position),
+            velocity: shaft.map_or(0.0, Shaft::velocity),
+            load_velocity: shaft.map_or(0.0, |shaft| shaft.load_motion().velocity),
+            at: shaft.map(Shaft::at),
             torque: self.firmware.torque(),
         }
     }
