@@ -304,10 +304,6 @@ impl<const N: usize> ShortSegments<N> {
     /// their length.
     fn ends(&self, curve: &Curve<N>, lines: usize) -> Vec<MoveEnd> {
         let points = &self.points[..=lines];
-        let way = |a: &[f64; N], b: &[f64; N]| -> f64 {
-            let squares = (0..N.min(3)).map(|i| (b[i] - a[i]) * (b[i] - a[i]));
-            squares.sum::<f64>().sqrt()
-        };
         let whole: f64 = points
             .windows(2)
             .map(|pair| way(&pair[0].0, &pair[1].0))
@@ -345,9 +341,7 @@ impl<const N: usize> ShortSegments<N> {
         // The lengths of the short segments, from the first point on.
         let mut at = [0.0; MOST + 1];
         for k in 1..=ahead {
-            let [a, b] = [k - 1, k].map(|k| &self.points[k].0);
-            let way: f64 = (0..N.min(3)).map(|i| (b[i] - a[i]) * (b[i] - a[i])).sum();
-            at[k] = at[k - 1] + way.sqrt();
+            at[k] = at[k - 1] + way(&self.points[k - 1].0, &self.points[k].0);
         }
         let length = at[ahead];
         // Coefficients by powers of the part of the length. What the knot gives is not free.
@@ -478,6 +472,12 @@ fn solve<const N: usize>(
         }
     }
     Some(())
+}
+
+/// Length of the line between two points, by the tool's axes.
+fn way<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
+    let squares = (0..N.min(3)).map(|i| (b[i] - a[i]) * (b[i] - a[i]));
+    squares.sum::<f64>().sqrt()
 }
 
 /// Tolerances of curves in place of short segments where so much is allowed, mm, the greatest first.

@@ -227,10 +227,11 @@ fn longer_of(seed: u64) -> Longer {
 }
 
 /// Curves in place of short segments were fitted within the tolerance itself, and nothing was tried once the mode
-/// changed, nor in a run of short segments behind another: by 1.7 to 5 % longer than under G61 or less tolerance.
+/// changed, nor in a run of short segments behind another: by 5 % longer under G64 than under G61. And by 3 % under G61 than with
+/// stops.
 #[test]
 fn curves_that_lesser_tolerances_give_are_tried() {
-    for seed in [23, 29, 35] {
+    for seed in [29, 35, 323] {
         let longer = longer_of(seed);
         let worst = longer.iter().map(|(by, _)| *by).fold(0.0, f64::max);
         assert!(worst <= TOLERANCE, "seed {seed}: {longer:.5?}");

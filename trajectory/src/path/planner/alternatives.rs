@@ -14,7 +14,8 @@
 //! common.)
 //!
 //! A trial goes on where the mode changes, and begins where a run of short segments does, whatever comes before it. In
-//! each a move keeps its own mode as far as that rounds off no more; G61 is the least.
+//! each a move keeps its own mode as far as that rounds off no more. The least is a stop at every point, which is the only
+//! one under G61: beside an arc even a rounding within a micrometre may take longer.
 //!
 //! # What it costs
 //!
@@ -28,17 +29,18 @@
 //!
 //! To look at a lesser tolerance only where the next greater one saves time is a fifth quicker, and misses some. To plan a
 //! stretch in one window leaves those without a time that need more cells than one has, and those that have a solution only in
-//! shorter ones.
+//! shorter ones. Where short segments go on for more moves than a stretch has: to go on within the tolerance whose curves
+//! have come further in the time that they take by then; that changed nothing in the programs that it was meant for.
 
 use super::joining::{Joiner, Laid, LaidCurve};
 use super::{Effort, Planner};
 use crate::path::segment_fitting::{ShortSegments, grades};
 use crate::path::{Command, Move, PathControlMode};
 
-/// Lesser tolerances, in mm, that are tried.
-const LESSER: [f64; 8] = [3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001];
-/// The least of them.
-const LEAST: f64 = LESSER[LESSER.len() - 1];
+/// Lesser tolerances, in mm, that are tried; the last is a stop.
+const LESSER: [f64; 9] = [3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001, 0.0];
+/// The least within which curves are tried.
+const LEAST: f64 = 0.001;
 /// Moves of a stretch, at most.
 const MOST_MOVES: usize = 64;
 /// What choosing may take for a stretch, cells times Newton steps: some twenty windows.
@@ -106,6 +108,11 @@ impl<const N: usize> Alternatives<N> {
 impl<const N: usize> Planner<N> {
     /// Goes on with a move that begins where the last one ended.
     pub(super) fn push_move(&mut self, motion: Move<N>) {
+        // What begins under G61 is not in the way of what G64 gives more to choose from.
+        let is_exact = matches!(motion.mode, PathControlMode::Exact(_));
+        if matches!(self.alternatives.trials[..], [Trial { most: 0.0, .. }]) && !is_exact {
+            self.alternatives.trials.clear();
+        }
         let short_segments = self.joiner.short_segments.as_ref();
         if self.alternatives.trials.is_empty()
             && short_segments.is_none_or(|it| !it.may_go_on(&motion))
@@ -131,11 +138,12 @@ impl<const N: usize> Planner<N> {
         if !short && (before.is_none_or(is_line) && is_line(motion)) {
             return;
         }
-        let asked = match motion.mode {
+        let (asked, exact) = match motion.mode {
             PathControlMode::Blend(tolerance) | PathControlMode::Merge { tolerance, .. } => {
-                tolerance
+                (tolerance, false)
             }
-            PathControlMode::Stop | PathControlMode::Exact(_) => return,
+            PathControlMode::Exact(tolerance) => (tolerance, true),
+            PathControlMode::Stop => return,
         };
         let trial = |fits_within, most| {
             let mut joiner = self.joiner.clone();
@@ -146,8 +154,10 @@ impl<const N: usize> Planner<N> {
             Trial { most, joiner }
         };
         let grades = grades(asked).skip(1).take_while(|it| *it >= LEAST);
-        let fits = grades.filter(|_| short).map(|it| trial(it, f64::INFINITY));
+        let grades = grades.filter(|_| short && !exact);
+        let fits = grades.map(|it| trial(it, f64::INFINITY));
         let less = LESSER.into_iter().filter(|it| *it < asked);
+        let less = less.filter(|it| !exact || *it == 0.0);
         let both = less.map(|it| trial(f64::INFINITY, it));
         self.alternatives.trials = fits.chain(both).collect();
         self.alternatives.moves = 0;
@@ -181,9 +191,10 @@ impl<const N: usize> Planner<N> {
 }
 
 impl PathControlMode {
-    /// The same, but for corners that may be rounded off by no more than that, mm.
+    /// The same, but for corners that may be rounded off by no more than that, mm; G61's may be as before.
     fn within(self, most: f64) -> Self {
         match self {
+            _ if most == 0.0 => Self::Stop,
             Self::Blend(tolerance) => Self::Blend(tolerance.min(most)),
             Self::Merge { tolerance, within } => Self::Merge {
                 tolerance: tolerance.min(most),
