@@ -133,7 +133,7 @@ fn swayed(trace: &str, mass: f64) -> f64 {
 }
 
 /// What is left behind moves of so many lengths, each with a shaper over that without one: at the frequency of the shaper and 14 %
-/// beside it. Torque ripple and friction of the drives may add a fifth of a micrometre to a twentieth.
+/// beside it. Torque ripple and friction of the drives may add 0.3 µm to a twentieth.
 fn left(lengths: impl Iterator<Item = f64>) -> f64 {
     let folder = Folder::new();
     let mut worst = 0.0_f64;
@@ -144,7 +144,7 @@ fn left(lengths: impl Iterator<Item = f64>) -> f64 {
                 number(&json(&output), "/structures/0/max_residual_mm")
             });
             assert!(
-                shaped <= 0.05 * plain + 2e-4,
+                shaped <= 0.05 * plain + 3e-4,
                 "{length} {frequency}: {shaped} {plain}"
             );
             worst = worst.max(shaped / plain);

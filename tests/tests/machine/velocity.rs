@@ -444,7 +444,7 @@ fn a_drive_that_is_as_its_machine_file_says_follows() {
         "remote_bit = 1",
         "remote_bit = 2",
         "units_per_rpm = 2",
-        "units_per_rpm = 10",
+        "units_per_rpm = 4",
     ] {
         let table = format!("[model.tlc5xx]\n{table}\n[[bus]]");
         let mut rig = portal_with(&[("[[bus]]", &table)], CIRCLES, |_, _| ());
