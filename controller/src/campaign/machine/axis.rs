@@ -4,6 +4,7 @@ use super::super::dice::{Dice, rounded};
 use super::wires::{HOME, Wire};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
+use std::ops::RangeInclusive;
 use syncline_drives::model::{Address, Assumed, MODELS, Model};
 
 /// CiA 402's quick stop ramp, increments/s². As a drive leaves the factory it may be steeper than many a motor
@@ -87,12 +88,15 @@ pub struct DeviceSpec {
     pub wires: Vec<Wire>,
 }
 
+/// Node ids that an encoder, a TWK CRN, can have.
+pub(super) const ENCODER_NODES: RangeInclusive<u32> = 1..=64;
+
 impl EncoderSpec {
     /// One on an axis with that travel for a revolution of its motor, on one of so many buses.
     pub(super) fn draw(dice: &mut Dice, buses: usize, travel: f64) -> Self {
         Self {
             bus: dice.below(buses),
-            node: dice.whole(1..=126) as u8,
+            node: dice.whole(ENCODER_NODES) as u8,
             pitch: digits(travel * dice.between(0.3, 4.0)),
             negative: dice.chance(0.5),
             zero: dice.whole(0..=100_000),

@@ -3,7 +3,7 @@
 mod axis;
 mod wires;
 
-use axis::STEPPER;
+use axis::{ENCODER_NODES, STEPPER};
 pub use axis::{AxisSpec, DeviceSpec, EncoderSpec};
 pub use wires::{IoSpec, Wire};
 
@@ -419,7 +419,7 @@ impl MachineSpec {
         let used: Vec<_> = self.nodes().collect();
         let mut encoder = EncoderSpec::draw(dice, self.buses.len(), self.axes[axis].travel);
         while used.contains(&(encoder.bus, encoder.node)) {
-            encoder.node = dice.whole(1..=126) as u8;
+            encoder.node = dice.whole(ENCODER_NODES) as u8;
         }
         self.axes[axis].encoder = Some(encoder);
     }
