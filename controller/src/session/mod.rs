@@ -545,6 +545,8 @@ impl Desk {
             CycleReport::Obeyed { number, cycle } => {
                 self.accept_before(number + 1, cycle);
                 self.accept_own();
+                // A job that has begun may be held in the very same cycle.
+                self.show_state();
             }
             CycleReport::Refused {
                 number,
