@@ -161,7 +161,8 @@ impl Scene {
 /// A day at a machine.
 struct Day {
     rig: Rig,
-    /// The axis whose switches are absent as it is homed first, and then put in their places.
+    /// The axis whose switches are absent as it is homed first, and then put in their places: its place in the scene, which
+    /// is that of its letter.
     unplugged: usize,
     told: Subscription,
     drives: usize,
@@ -187,6 +188,13 @@ impl Day {
             told,
             drives,
         }
+    }
+
+    /// The place of that axis in the machine file.
+    fn unplugged_axis(&self) -> usize {
+        let mut axes = self.rig.machine.axes.iter();
+        let axis = axes.position(|axis| axis.letter.index() == self.unplugged);
+        axis.expect("it has one")
     }
 
     fn status(&self) -> &Status {
@@ -289,7 +297,9 @@ impl Day {
         self.home_with_switches(scene);
         assert!(self.rig.states.contains(&State::Homing));
         assert_eq!(self.status().state_in_words(), "ready");
-        let homed = |event: &&Event| matches!(event, Event::Referenced { axis, .. } if *axis == self.unplugged);
+        let late = self.unplugged_axis();
+        let homed =
+            |event: &&Event| matches!(event, Event::Referenced { axis, .. } if *axis == late);
         assert_eq!(self.rig.events.iter().filter(homed).count(), 1);
         let square = self.status().squareness;
         let gantries = self.drives - 3;
@@ -312,7 +322,7 @@ impl Day {
         };
         let failed: Vec<_> = self.rig.events.iter().filter_map(failed).collect();
         assert!(
-            failed.contains(&(self.unplugged, HomingFailure::NotFound)),
+            failed.contains(&(self.unplugged_axis(), HomingFailure::NotFound)),
             "{failed:?}"
         );
         assert_eq!(self.status().state_in_words(), "ready (unreferenced)");
@@ -327,7 +337,7 @@ impl Day {
         let Homed {
             edge, direction, ..
         } = scene.axes[self.unplugged];
-        let drives = self.rig.machine.axes[self.unplugged].drives.clone();
+        let drives = self.rig.machine.axes[self.unplugged_axis()].drives.clone();
         self.rig.command(Command::Home([false; 9]));
         // It takes effect at the next wake-up.
         let mut since = 0;
