@@ -3,8 +3,8 @@
 mod axis;
 mod wires;
 
-use axis::{ENCODER_NODES, STEPPER};
 pub use axis::{AxisSpec, DeviceSpec, EncoderSpec};
+use axis::{ENCODER_NODES, STEPPER};
 pub use wires::{IoSpec, Wire};
 
 use super::dice::{Dice, rounded};
