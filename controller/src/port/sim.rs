@@ -3,7 +3,7 @@
 use super::{Port, PortError};
 use crate::bus::{Burst, Received};
 use crate::machine::{
-    Axis, COORDINATES, Gantry, InputMeaning, Machine, Seat, Simulation, SpindleDrive,
+    Axis, COORDINATES, Gantry, Input, InputMeaning, Machine, Seat, Simulation, SpindleDrive,
 };
 use syncline_canopen::{Frame, NodeId};
 use syncline_drives::bus::{Band, BitRate};
@@ -12,7 +12,7 @@ use syncline_drives::mechanics::rigid_beam::{RigidBeam, Side};
 use syncline_drives::mechanics::touch_probe::TouchProbe;
 use syncline_drives::model::{Direction, Increments, Model};
 use syncline_drives::twin::servo::encoder::Scale;
-use syncline_drives::twin::{Config, Kind, Sensor, SimulatedDevice};
+use syncline_drives::twin::{Config, Disturbance, Kind, Sensor, SimulatedDevice};
 use syncline_drives::world::{
     BusId, DeviceId, EnableChain, FittedProbe, Hosted, Observer, ProbeDrive, ProbeWire, World,
 };
@@ -124,7 +124,7 @@ impl Simulated {
             let mut config = config(machine, index, seed);
             configure(index, &mut config);
             let bus = buses[node.bus]?;
-            Some(world.attach(bus, twin(node.model, &config)))
+            Some(world.attach(bus, released(machine, index, &config)))
         });
         let devices: Vec<Option<DeviceId>> = devices.collect();
         for axis in &machine.axes {
@@ -187,7 +187,7 @@ pub fn hosted(
         .map(|(index, node)| {
             let mut config = config(machine, index, seed);
             configure(&mut config);
-            (index, twin(node.model, &config))
+            (index, released(machine, index, &config))
         })
         .unzip();
     let place = |device: usize| drives.iter().position(|it| *it == device);
@@ -402,6 +402,19 @@ pub fn single(node: NodeId, index: usize, seed: u64) -> Config {
         seed: seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ index as u64,
         ..Config::new(node)
     }
+}
+
+/// The twin of a [device](Machine::nodes) of a machine. What holds the machine while it is on, and is on without
+/// current, has current: nobody presses it, and no door is open.
+fn released(machine: &Machine, index: usize, config: &Config) -> Box<dyn SimulatedDevice> {
+    let mut device = twin(machine.node(index).model, config);
+    let holds =
+        |input: &&Input| matches!(input.meaning, InputMeaning::FeedHold | InputMeaning::Door);
+    let wired = machine.inputs.iter().filter(|input| input.node == index);
+    for input in wired.filter(holds).filter(|input| input.active_low) {
+        device.disturb(Disturbance::Input(input.signal as u8, true));
+    }
+    device
 }
 
 /// The twin of a model.
