@@ -184,7 +184,7 @@ pub fn hosted(
     let nodes = machine.nodes().enumerate();
     let (drives, devices): (Vec<usize>, Vec<_>) = nodes
         .filter(|(_, node)| node.bus == bus)
-        .map(|(index, node)| {
+        .map(|(index, _)| {
             let mut config = config(machine, index, seed);
             configure(&mut config);
             (index, released(machine, index, &config))
