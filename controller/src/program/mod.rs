@@ -17,6 +17,7 @@ mod interrupted;
 mod mistakes;
 mod moves;
 mod reading;
+mod setting;
 mod threads;
 mod timetable;
 
@@ -27,6 +28,7 @@ pub use interrupted::Interrupted;
 pub use mistakes::{Mistake, Mistakes};
 pub use moves::{ModalState, Moves, ProgramMove, Upcoming};
 pub use reading::Reading;
+pub use setting::Setting;
 pub use threads::NoThread;
 pub use timetable::Timetable;
 
@@ -113,28 +115,6 @@ enum Source {
     Setting(Setting),
     /// In memory, and its name.
     Text(String, Arc<[u8]>),
-}
-
-/// What an operator sets where the machine stands, as the lines that do so.
-#[derive(Clone, Copy, Debug)]
-pub enum Setting {
-    /// The work offset in effect, so that the position has these work coordinates, mm and degrees.
-    WorkOffset([Option<f64>; COORDINATES]),
-    /// The length of this tool, which is compensated from then on, for the same.
-    ToolLength(u32, [Option<f64>; COORDINATES]),
-}
-
-impl Setting {
-    /// The lines, in the units that are in effect.
-    fn lines(&self, memory: &gcode::Memory) -> String {
-        match self {
-            Self::WorkOffset(positions) => format!("G10 L20 P0{}", memory.words(positions)),
-            Self::ToolLength(tool, positions) => {
-                let words = memory.words(positions);
-                format!("G10 L10 P{tool}{words}\nG43 H{tool}")
-            }
-        }
-    }
 }
 
 /// Where a program is entered, if not at its beginning.

@@ -47,14 +47,15 @@ fn set_up_requests(node: NodeId, cycle_ms: u8) -> Vec<[u8; 8]> {
 }
 
 /// Both machines' runs to their end, undisturbed.
-fn runs() -> [Rig; 2] {
+fn runs() -> Vec<Rig> {
     let portal = Rig::portal(PORTAL_PROGRAM);
     let program = "G4 P0.1\nG0 X20 Y-20 Z-5\nG3 X30 Y-10 J10 F6000\nM30\n";
     let xyz = Rig::new("xyz", &[], program, |_, _| ());
-    [portal, xyz].map(|mut rig| {
+    let mut runs = vec![portal, xyz];
+    for rig in &mut runs {
         assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
-        rig
-    })
+    }
+    runs
 }
 
 fn nodes(rig: &Rig) -> impl Iterator<Item = (usize, NodeId)> {
