@@ -127,7 +127,10 @@ fn the_set_up_is_the_manuals_byte_for_byte() {
 
 #[test]
 fn limits_and_own_objects_follow_the_set_up() {
-    let [portal, xyz] = runs();
+    let runs = runs();
+    let [portal, xyz] = &runs[..] else {
+        panic!("two machines");
+    };
     let writes = |rig: &Rig, drive: usize, begin: [u8; 4]| {
         let mut sent = requests(rig, rig.machine.drives[drive].node);
         sent.retain(|it| it.frame.data().starts_with(&begin));
@@ -136,7 +139,7 @@ fn limits_and_own_objects_follow_the_set_up() {
         sent.iter().map(value).collect::<Vec<_>>()
     };
     // 2 mm at 20 mm a revolution, rounded up.
-    assert_eq!(writes(&portal, 0, [0x23, 0x65, 0x60, 0]), [13_108]);
+    assert_eq!(writes(portal, 0, [0x23, 0x65, 0x60, 0]), [13_108]);
     // Soft limits 0…1500 mm, further out by the following error; X2 is mirrored.
     let zero = [1_250_000, -843_776];
     let around = |zero: i32, mm: f64| zero + (mm / 20.0 * 131_072.0).round() as i32;
@@ -147,25 +150,25 @@ fn limits_and_own_objects_follow_the_set_up() {
         );
     };
     near(
-        &writes(&portal, 0, [0x23, 0x7D, 0x60, 1]),
+        &writes(portal, 0, [0x23, 0x7D, 0x60, 1]),
         around(zero[0], -2.0),
     );
     near(
-        &writes(&portal, 0, [0x23, 0x7D, 0x60, 2]),
+        &writes(portal, 0, [0x23, 0x7D, 0x60, 2]),
         around(zero[0], 1502.0),
     );
     near(
-        &writes(&portal, 1, [0x23, 0x7D, 0x60, 1]),
+        &writes(portal, 1, [0x23, 0x7D, 0x60, 1]),
         around(zero[1], -1502.0),
     );
     near(
-        &writes(&portal, 1, [0x23, 0x7D, 0x60, 2]),
+        &writes(portal, 1, [0x23, 0x7D, 0x60, 2]),
         around(zero[1], 2.0),
     );
     // Not enabled on the other machine; its third drive has objects of its own.
-    assert_eq!(writes(&xyz, 0, [0x23, 0x65, 0x60, 0]), [0; 0]);
-    assert_eq!(writes(&xyz, 0, [0x2B, 0x12, 0x30, 6]), [1000]);
-    assert_eq!(writes(&xyz, 2, [0x2B, 0x12, 0x30, 6]), [1000, 1000]);
+    assert_eq!(writes(xyz, 0, [0x23, 0x65, 0x60, 0]), [0; 0]);
+    assert_eq!(writes(xyz, 0, [0x2B, 0x12, 0x30, 6]), [1000]);
+    assert_eq!(writes(xyz, 2, [0x2B, 0x12, 0x30, 6]), [1000, 1000]);
 }
 
 #[test]
