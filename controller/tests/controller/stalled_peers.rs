@@ -136,11 +136,13 @@ impl Witness {
     }
 
     /// By how much the worst interval between two heartbeats missed `interval`, ms: as they came
-    /// where this host lets a thread be punctual, else as they left.
+    /// where this host lets a thread be punctual, else as they left. Without end where hardly any came.
     fn worst(self, interval: f64) -> f64 {
         self.stop.store(true, Ordering::Relaxed);
         let (punctual, heard) = self.thread.join().unwrap();
-        assert!(heard.len() > 20, "{} heartbeats", heard.len());
+        if heard.len() <= 20 {
+            return f64::INFINITY;
+        }
         let worst = |time: fn(&(f64, f64)) -> f64| {
             // Raw mode begins with a pause, behind which the first heartbeats come.
             let gaps = heard[3..]
