@@ -263,7 +263,7 @@ fn at_two_nodes() -> impl Strategy<Value = Vec<Wired>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
 
     /// Whichever are wired to which of two nodes: each is what its own node tells at its own place, for a program by
     /// number and by name, and in the status.
@@ -330,7 +330,7 @@ fn step() -> impl Strategy<Value = Step> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
 
     /// Whatever it takes and waits for, and wherever it asks, whatever an operator does meanwhile: it is told what the last
     /// M66 found.

@@ -38,7 +38,7 @@ fn portal() -> Rig {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 10, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 5, ..ProptestConfig::default() })]
 
     /// Whenever it does so between a fault and *ready*: it is not taken for homed.
     #[test]

@@ -41,7 +41,7 @@ fn a_gantry_that_is_heard_by_turns_goes_on() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4, ..ProptestConfig::default() })]
 
     /// At rest and in motion: sides that go apart are stopped, though no SYNC is answered by both.
     #[test]

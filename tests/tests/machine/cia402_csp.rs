@@ -163,7 +163,7 @@ fn assert_no_jump(rig: &mut Rig) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(12))]
+    #![proptest_config(ProptestConfig::with_cases(6))]
 
     #[test]
     fn wherever_it_stands_enabling_moves_it_not(mm in 0.0..1000.0, seed: u64) {

@@ -54,7 +54,7 @@ const Y: usize = 2;
 const QUICK_STOP: u16 = 0x0B;
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4, ..ProptestConfig::default() })]
 
     /// Whenever in a stop, long or short: a drive that is quick-stopped then is not switched off while it brakes.
     #[test]

@@ -87,7 +87,7 @@ fn settings() -> impl Strategy<Value = Command> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
 
     /// Whoever gave what before a stop, nothing of it begins behind it; what sets nothing going is done, and so is what
     /// comes behind the stop.

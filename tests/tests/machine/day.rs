@@ -605,7 +605,7 @@ fn power_state(low: u8) -> PowerState {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 48, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
 
     /// Whatever is asked for and whatever happens, in whatever state: only legal transitions, every
     /// command answered, every drive shown as it told last, nothing moves that was not asked to, and the machine

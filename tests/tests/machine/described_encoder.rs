@@ -128,7 +128,7 @@ fn scale(program: &str) -> Rig {
 const WATCHES: (&str, &str) = ("position_loop = \"encoder\"\n", "");
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4, ..ProptestConfig::default() })]
 
     /// Whatever a valid description says, the axis is where it was sent, by the one T_PDO that it names, and nothing is
     /// written that moves the encoder's zero.

@@ -771,7 +771,7 @@ pub(super) fn program(lines: &[Line], mode: &str) -> (String, Vec<f64>) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4, ..ProptestConfig::default() })]
 
     /// Speeds reach the drive in the program's order, each cut begins and goes on at its speed, the axes keep their
     /// limits, everything stands in the end, and a second run sends the same frames.

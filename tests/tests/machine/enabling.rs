@@ -52,7 +52,7 @@ fn resolution(rig: &Rig, drive: usize) -> f64 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
 
     /// A drive that runs away as it is enabled, or behind that, is switched off before it has gone further than it may at
     /// rest, and what it goes in some cycles besides.

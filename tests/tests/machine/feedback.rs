@@ -272,7 +272,7 @@ fn another_disc_is_refused() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4, ..ProptestConfig::default() })]
 
     /// Slips of every size, either way and at any time. What is clearly beyond the limit is found, at its
     /// full size, so before anything else has moved; what is clearly within it never.

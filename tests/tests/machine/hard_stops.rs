@@ -505,7 +505,7 @@ fn judge(case: &Case) -> Result<(), TestCaseError> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
 
     /// Wherever the axis stands, whatever its stop, torque and transmission are like: it ends referenced there, to what
     /// its transmission yields, or at rest with the reason; and its torque is limited as before.

@@ -403,7 +403,7 @@ impl Blocked {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 16, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
 
     /// What stops an axis while it searches is told by what it may be, and as the fault that it is.
     #[test]
@@ -479,7 +479,7 @@ fn a_stop_leaves_the_axis_unreferenced() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 16, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
 
     /// Cut off at any instant, also where the axes are homed once more, beyond their soft limits too: that is no fault,
     /// and the axes are moved and homed as before.
@@ -1123,7 +1123,7 @@ fn judge(case: &Case) -> Result<(), TestCaseError> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 16, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
 
     /// Wherever the axis stands and whatever the switch is like: it ends referenced, with its position
     /// within the stated error of the truth, or at rest inside its distance with the reason.

@@ -96,7 +96,7 @@ fn assert_shown(rig: &Rig, to: [f64; 3]) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 10, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 5, ..ProptestConfig::default() })]
 
     /// At each stop: the codes of the block, and where the program has the axes; a command goes by what is shown, and behind
     /// the program what it leaves is in effect.
@@ -160,7 +160,7 @@ fn rest_of() -> impl Strategy<Value = Rest> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
 
     /// Whatever moves before and behind it, or nothing yet: at a stop its own line is shown, and what is in effect in it.
     #[test]

@@ -472,7 +472,7 @@ fn follow(states: &mut Vec<(State, Option<f64>)>, state: State, since: Option<f6
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
 
     /// Whatever a program switches, and wherever: every state comes, in order, and lasts as long as the program dwells
     /// in it, to one cycle; and whoever looks is shown the same.
@@ -581,7 +581,7 @@ fn outputs_are_switched_by_hand_where_the_machine_rests() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
 
     /// A typed line that is wrong switches nothing, whatever overrides and single block are.
     #[test]
@@ -644,7 +644,7 @@ fn deed() -> impl Strategy<Value = Command> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
 
     /// Whatever is done and whenever: where the machine rests what was switched by hand stays, everywhere else
     /// outputs are the program's, or safe.
@@ -720,7 +720,7 @@ enum Safe {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 20, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 10, ..ProptestConfig::default() })]
 
     /// Once outputs were made safe nothing but an M-code switches spindle and coolant on again: no S, no line, no program
     /// that has none.

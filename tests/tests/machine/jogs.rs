@@ -208,7 +208,7 @@ fn a_jog_is_told_as_a_hold_that_lasts() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 16, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
 
     /// That an axis has stopped at the end of its travel is told, once, and of no other stop: in a hold and without a job,
     /// of a step and of a jog that is held on.

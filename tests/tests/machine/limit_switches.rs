@@ -311,7 +311,7 @@ fn meanwhile() -> impl Strategy<Value = Meanwhile> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 10, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 5, ..ProptestConfig::default() })]
 
     /// Homed by either of its limit switches from wherever it stands, an axis comes to know where it is, and that switch
     /// stops nothing on the way; the other one does. Behind it the way onto the switch is barred again.

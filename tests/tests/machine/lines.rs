@@ -182,7 +182,7 @@ fn contours() -> impl Strategy<Value = (Contour, f64)> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { max_shrink_iters: 30, failure_persistence: None, ..ProptestConfig::with_cases(8) })]
+    #![proptest_config(ProptestConfig { max_shrink_iters: 30, failure_persistence: None, ..ProptestConfig::with_cases(4) })]
 
     /// A stop anywhere, then a beginning at the line that was shown, leaves nothing uncut.
     #[test]

@@ -209,7 +209,7 @@ fn each_loss_has_its_own_message_and_is_noticed_in_time() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
 
     /// Every loss of every device at every instant, whether its axis moves or rests.
     #[test]
@@ -325,7 +325,7 @@ fn found_at_rest(row: usize, mm: f64) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4, ..ProptestConfig::default() })]
 
     #[test]
     fn lost_steps_are_found_in_the_time_that_start_up_tells(

@@ -64,7 +64,7 @@ fn jumps(rig: &Rig, drive: usize, axis: usize) -> usize {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
 
     /// Drives that are sent the plan later than others, as they answer sooner, leave out the same SYNC as those, whatever the
     /// latencies are: nothing is sent that an axis may not be sent, before or after.

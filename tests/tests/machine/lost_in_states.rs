@@ -154,7 +154,7 @@ fn each_loss_is_told_whatever_the_machine_does_and_a_reset_brings_it_back() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
 
     #[test]
     fn each_loss_is_told_at_any_time(

@@ -175,7 +175,7 @@ fn the_flight_recorder_has_a_column_of_its_name() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4, ..ProptestConfig::default() })]
 
     /// Wherever it begins, however fast it goes, to either side.
     #[test]

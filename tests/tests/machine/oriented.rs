@@ -440,7 +440,7 @@ fn assert_oriented(case: &Case) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
 
     #[test]
     fn it_is_oriented_from_any_state_by_any_drive(case in case()) {

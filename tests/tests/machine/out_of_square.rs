@@ -192,7 +192,7 @@ fn bring_back(rig: &mut Rig, by: Interruption) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
 
     /// As the machine is switched on its sides go where they belong, within limits of their own, and it is ready then. What
     /// comes between has them rest where they are, or be quick-stopped; the next enabling goes on with it.

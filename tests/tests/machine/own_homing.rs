@@ -240,7 +240,7 @@ fn judge(case: &Case) -> Result<(), TestCaseError> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
 
     /// By every method, from wherever the axis stands: it counts from its edge or index pulse, and goes on from there.
     #[test]
@@ -340,7 +340,7 @@ fn cut_off(cut: &Cut, wake_ups: usize, seed: u64) -> Result<(), TestCaseError> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
 
     /// Whatever ends it, and whenever: the drive rests, the axis is not referenced, and is homed again.
     #[test]

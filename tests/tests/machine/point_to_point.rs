@@ -189,7 +189,7 @@ fn the_path_waits_while_they_go() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4, ..ProptestConfig::default() })]
 
     /// The line told is that of the block at work, along the path or beside it; at a fault, too.
     #[test]

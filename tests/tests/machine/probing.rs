@@ -323,7 +323,7 @@ const FEEDER: usize = 3;
 const U: usize = 6;
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4, ..ProptestConfig::default() })]
 
     /// Wherever one stands, it stays there, and the contact is where it is without it.
     #[test]
@@ -529,7 +529,7 @@ fn an_operator_holds_a_probing_and_has_it_go_on() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 16, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
 
     /// Whenever a hold comes, also behind the contact, and although the probe is touched by hand meanwhile: nothing sets
     /// off before a resume.
@@ -877,7 +877,7 @@ fn an_axis_that_hardly_moves_is_no_other_edge() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
 
     #[test]
     fn a_contact_is_where_it_is_said_to_be_or_told_to_be_missing(case in case()) {

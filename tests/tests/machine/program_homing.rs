@@ -321,7 +321,7 @@ fn block() -> impl Strategy<Value = Block> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4, ..ProptestConfig::default() })]
 
     /// Wherever homings stand in a program that begins with one: it ends where its last moves and homings lead, with every
     /// axis where it is shown, and whatever stops it on its way leaves a machine that is homed as ever.

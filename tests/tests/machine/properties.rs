@@ -84,7 +84,7 @@ fn assert_ended_well(rig: &mut Rig) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ProptestConfig::with_cases(12))]
 
     /// Two events in the midst of the program; the second one mostly falls into the stop.
     #[test]

@@ -144,7 +144,7 @@ fn commanded(
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 40, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 20, ..ProptestConfig::default() })]
 
     #[test]
     fn whatever_goes_wrong_the_reaction_is_commanded_within_two_cycles(

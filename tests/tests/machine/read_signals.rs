@@ -105,7 +105,7 @@ fn rests(rig: &Rig) -> Vec<f64> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
 
     /// Wherever the program reads, it reads what is there then: the switch where Y stands, the output as it was
     /// switched before; feed holds and single blocks on the way change nothing.

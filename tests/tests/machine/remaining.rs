@@ -64,7 +64,7 @@ fn timetable(rig: &mut Rig, program: &str) -> Timetable {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4, ..ProptestConfig::default() })]
 
     /// Wherever a program is, it takes as long from there as was told before it began.
     #[test]

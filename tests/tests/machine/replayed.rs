@@ -237,7 +237,7 @@ fn gone_through(mut session: Session<Replay>, accepted: &[Accepted]) -> (Outcome
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
 
     #[test]
     fn a_session_is_a_function_of_its_commands_and_frames(

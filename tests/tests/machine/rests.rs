@@ -158,7 +158,7 @@ const BLOCKS: [(&str, Option<(&str, f64)>); 6] = [
 ];
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
 
     /// Whenever a program is at work and nothing moves, there is a reason, of the block at work, and the time that is left
     /// is the truth to a few cycles; where something moves there is none.

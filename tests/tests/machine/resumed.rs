@@ -277,7 +277,7 @@ fn a_tool_is_measured_where_the_program_changes_it() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
 
     /// Wrong lines where a program is held change nothing of what is in effect there, and what a person is sent to by the
     /// program's coordinates is there; nothing of it is left once the hold is.

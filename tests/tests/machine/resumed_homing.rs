@@ -304,7 +304,7 @@ impl Watch<'_> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 10, max_shrink_iters: 30, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 5, max_shrink_iters: 30, ..ProptestConfig::default() })]
 
     /// Whenever it is interrupted, and by what: each homing once and in its order, each cut from its beginning to its end
     /// with what is switched before it, nothing else, and an end.

@@ -13,7 +13,7 @@ pub(super) fn braking(rig: &Rig) -> f64 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 32, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 16, ..ProptestConfig::default() })]
 
     /// Whichever side sticks, at whatever speed and instant: beyond its limit the skew grows by four cycles of that speed and
     /// the way of a quick stop from there, and the machine stays stopped.

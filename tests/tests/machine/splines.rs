@@ -38,7 +38,7 @@ fn block() -> impl Strategy<Value = [f64; 4]> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(12))]
+    #![proptest_config(ProptestConfig::with_cases(6))]
     /// In every path mode limits are kept; the path rests behind each block under G61.1 and nowhere under G61 and
     /// G64, where the curves go on without a corner; no mode is slower than the one with more stops. Of handles
     /// that make loops and points all but cusps, limits alone are asked for.

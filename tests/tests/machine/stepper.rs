@@ -223,7 +223,7 @@ impl Shape {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
 
     /// It tells each change of its statusword by itself, several times in a cycle where it is sent velocities, and it is
     /// polled besides.
@@ -260,7 +260,7 @@ proptest! {
 // --- the enable chain ---
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4, ..ProptestConfig::default() })]
 
     /// The controller is gone at any time: the drive goes on with the velocity that it was told last, and has its power
     /// until the I/O node misses the controller's heartbeat.
@@ -340,7 +340,7 @@ fn a_fault_opens_the_enable_chain_once_the_drives_rest() {
 const RESTS: &str = "G21 G90 G94 G61\nG1 Z-40 F1200\nG4 P0.3\nG1 Z-5\nG4 P0.3\nM2\n";
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4, ..ProptestConfig::default() })]
 
     /// What the screw slips against the motor, either way and at any time, is as a loss of steps: the axis makes up
     /// for it in motion, and where it is more than the limit it is found at the next rest.

@@ -75,7 +75,7 @@ fn dividers() -> impl Strategy<Value = u32> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4, ..ProptestConfig::default() })]
 
     /// One position in so many SYNCs, and none of them is missed: of an axis, and of a shaft of its own.
     #[test]

@@ -138,7 +138,7 @@ fn how_far_out_of_step_taps_are() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4, ..ProptestConfig::default() })]
 
     /// Either way round.
     #[test]

@@ -458,7 +458,7 @@ fn an_axis_that_fails_its_test_move_is_refused() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
 
     /// Whatever a drive makes of its velocities: what is off by more than the tolerance is told, and none gets further
     /// than is stated.

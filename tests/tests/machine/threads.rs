@@ -232,7 +232,7 @@ fn how_far_out_of_step_threads_are() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4, ..ProptestConfig::default() })]
 
     /// Either way round, straight and tapered.
     #[test]
@@ -645,7 +645,7 @@ enum Interference {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4, ..ProptestConfig::default() })]
 
     /// Whatever is commanded or lost at whatever instant: the axes keep their limits and come to rest.
     #[test]

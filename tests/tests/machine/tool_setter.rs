@@ -67,7 +67,7 @@ fn the_page_has_the_program_that_is_tested() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4, ..ProptestConfig::default() })]
 
     /// Each length is found, as well as its contact is known, and the tip is where the program has it: by a contact that closes
     /// and by one that opens.

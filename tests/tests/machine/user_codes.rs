@@ -239,7 +239,7 @@ fn judge(blocks: &[Block], events: &[(usize, bool)]) -> Result<(), TestCaseError
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
 
     /// Whatever commands do, and an operator meanwhile: each code comes once, in the program's order, and the run ends.
     #[test]

@@ -217,7 +217,7 @@ fn an_encoder_that_closes_the_loop_and_is_lost_stops_the_machine() {
 // --- it is lost ---
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4, ..ProptestConfig::default() })]
 
     /// However fast it goes, a quick stop takes it the way that its greatest acceleration allows, and the cycles until it is
     /// noticed.
@@ -340,7 +340,7 @@ fn it_holds_for_the_encoder_that_closes_the_loop() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4, ..ProptestConfig::default() })]
 
     /// A difference that was seen once is made up for once, at rest and in motion, however long nothing is seen of it: also
     /// behind 80 ms, which are more than the loop takes, what is left has its sign.

@@ -308,7 +308,7 @@ fn another_makers_drive_is_refused() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4, ..ProptestConfig::default() })]
 
     /// Whatever a valid description says, the spindle turns as the program says, by the PDOs that it names.
     #[test]
@@ -359,7 +359,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4, ..ProptestConfig::default() })]
 
     /// Speeds reach the drive in the program's order, each cut goes on at its speed, everything stands in the end, and a
     /// second run sends the same frames.

@@ -249,7 +249,7 @@ fn a_validation_tells_what_it_drops_in_the_end() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
 
     /// Whatever hangs on it and however long its brake takes: it stays where it is wherever the drive closes the brake itself, and
     /// otherwise falls no further than freely.

@@ -393,7 +393,7 @@ fn a_run_that_homes_does_not_begin_while_a_door_is_open() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
 
     /// A homing does not wait and go on: it ends at rest, nothing moves while the door is open, and a second one finds
     /// its place.
@@ -728,7 +728,7 @@ fn runs_through(changes: Vec<(u8, bool, usize)>) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
 
     #[test]
     fn whatever_sensors_say_the_program_is_done_and_an_open_door_is_heeded(
