@@ -18,7 +18,7 @@ use syncline_drives::twin::Observation;
 const RESTS: f64 = 0.1;
 
 /// Frequencies of each decade at which the compliance is told.
-const A_DECADE: u32 = 40;
+const A_DECADE: u32 = 160;
 
 /// The structure along one axis.
 #[derive(Debug)]
