@@ -73,6 +73,7 @@ impl FromStr for NodeOfModel {
             let known: Vec<&str> = MODELS.iter().map(|model| model.name).collect();
             format!("no model `{model}`, only {}", known.join(", "))
         })?;
+        can_have(model, node)?;
         Ok(Self { node, model })
     }
 }
@@ -94,7 +95,21 @@ impl FromStr for NodeOfTwin {
             let known: Vec<&str> = TWINS.iter().map(|twin| twin.name).collect();
             format!("no device `{twin}`, only {}", known.join(", "))
         })?;
+        Model::by_name(twin.name).map_or(Ok(()), |model| can_have(model, node))?;
         Ok(Self { node, twin })
+    }
+}
+
+/// Refuses a node id that a device cannot have.
+fn can_have(model: &Model, node: NodeId) -> Result<(), String> {
+    let (nodes, title) = (&model.nodes, model.title);
+    match nodes.contains(&node.get()) {
+        true => Ok(()),
+        false => Err(format!(
+            "a {title} has a node id from {} to {}",
+            nodes.start(),
+            nodes.end()
+        )),
     }
 }
 
@@ -233,6 +248,29 @@ impl Session {
                 wire.send(requests)?;
                 return Ok(ended?);
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The switches of a TWK CRN tell 64 nodes apart (crn S7, S35).
+    #[test]
+    fn a_node_id_that_a_device_cannot_have_is_refused() {
+        for (text, taken) in [
+            ("64:twk_crn", true),
+            ("65:twk_crn", false),
+            ("65:lxm32m", true),
+        ] {
+            let [twin, model] = [
+                text.parse::<NodeOfTwin>().map(drop),
+                text.parse::<NodeOfModel>().map(drop),
+            ];
+            assert_eq!(twin, model);
+            let refused = "a TWK CRN has a node id from 1 to 64".to_owned();
+            assert_eq!(twin, if taken { Ok(()) } else { Err(refused) });
         }
     }
 }
