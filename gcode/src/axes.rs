@@ -111,6 +111,11 @@ impl AxisSet {
         self.0 & (1 << axis.index()) != 0
     }
 
+    /// Whether the set has the axis with that place in [`AxisLetter::ALL`].
+    pub fn contains_index(self, index: usize) -> bool {
+        (AxisLetter::ALL.get(index)).is_some_and(|&axis| self.contains(axis))
+    }
+
     /// Adds an axis.
     pub fn insert(&mut self, axis: AxisLetter) {
         self.0 |= 1 << axis.index();

@@ -12,10 +12,9 @@
 use super::fault::{AxisCause, AxisIndex, Fault};
 use super::inputs::InputIndex;
 use super::layout::AxisSpec;
-use super::{Controller, Layout, Order, Phase, Refusal};
+use super::{Controller, Layout, Order, Phase, Refusal, whole_nanos};
 use std::sync::Arc;
 use std::time::Duration;
-use syncline_gcode::AxisLetter;
 use syncline_trajectory::path::Jog;
 
 /// A switch that was on so short a time ago bounces.
@@ -57,7 +56,7 @@ impl<const N: usize> Controller<N> {
     pub(super) fn watch_limit_switches(&mut self) -> Result<(), Fault> {
         let layout = Arc::clone(&self.layout);
         let moves = (Phase::Square..=Phase::Stop).contains(&self.phase);
-        let bounces = (BOUNCE.as_nanos() / layout.cycle.as_nanos()) as u64;
+        let bounces = whole_nanos(BOUNCE) / whole_nanos(layout.cycle);
         let mut forbidden = Ok(());
         for (index, axis) in layout.axes.iter().enumerate() {
             let velocity = self.planned.velocity[axis.coordinate];
@@ -103,11 +102,8 @@ impl<const N: usize> Controller<N> {
     pub(super) fn check_limit_switches(&self, order: &Order<N>) -> Result<(), Refusal> {
         for axis in &self.layout.axes {
             let at = axis.coordinate;
-            let letter = AxisLetter::ALL.get(at);
             let by = match order {
-                Order::Begin(job) | Order::TakeUp(job)
-                    if !letter.is_some_and(|&it| job.homes_first.contains(it)) =>
-                {
+                Order::Begin(job) | Order::TakeUp(job) if !job.homes_first.contains_index(at) => {
                     None
                 }
                 Order::Jog(jog) => Some(self.jogged_by(jog, at)),

@@ -454,7 +454,7 @@ impl<const N: usize> Controller<N> {
     /// that no drive sees a setpoint far from its last one.
     fn leave_out_lost_cycles(&mut self, now: Instant) {
         let late = now.saturating_since(self.sync_at);
-        let lost = (late.as_nanos() / self.layout.cycle.as_nanos()) as u64;
+        let lost = whole_nanos(late) / whole_nanos(self.layout.cycle);
         if lost > 0 && self.streams() {
             self.tell(Event::LostCycles { lost, late });
             for cycle in (self.cycle..).take(lost.min(2) as usize) {
@@ -714,6 +714,11 @@ fn most_faults(layout: &Layout) -> usize {
         layout.inputs.len(),
     ];
     (subjects.iter().sum::<usize>() + 1) * RULES.len()
+}
+
+/// As a processor divides them: 64 bits are 584 years.
+fn whole_nanos(time: Duration) -> u64 {
+    time.as_nanos() as u64
 }
 
 fn event_sink(events: &mut VecDeque<Event>) -> impl FnMut(Event) {

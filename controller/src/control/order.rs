@@ -4,7 +4,7 @@ use super::state::{NotNow, Request};
 use super::{Controller, Event, Goal, Hold, Job, JobKind, State, StopPoint, ZeroOverrides};
 use crate::machine::COORDINATES;
 use std::mem::take;
-use syncline_gcode::{AxisLetter, AxisSet};
+use syncline_gcode::AxisLetter;
 use syncline_trajectory::path::{Jog, JogError, Overrides};
 
 /// An order to the controller; it is obeyed in the next cycle.
@@ -262,13 +262,12 @@ impl<const N: usize> Controller<N> {
 
     /// Whether the axes that an order moves by machine positions have such positions.
     fn check_references(&self, order: &Order<N>) -> Result<(), Refusal> {
-        let among = |axes: AxisSet, at: usize| {
-            (AxisLetter::ALL.get(at)).is_some_and(|&axis| axes.contains(axis))
-        };
         // What is taken up first leads back to where it was held, whichever axes that takes.
         let excused = |at: usize| match order {
-            Order::Begin(job) => among(job.homes_first, at) || among(job.leaves, at),
-            Order::TakeUp(job) => among(job.homes_first, at),
+            Order::Begin(job) => {
+                job.homes_first.contains_index(at) || job.leaves.contains_index(at)
+            }
+            Order::TakeUp(job) => job.homes_first.contains_index(at),
             _ => false,
         };
         let needs = |at: usize| match order {

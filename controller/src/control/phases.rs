@@ -6,7 +6,7 @@ use super::beside_path::BesidePath;
 use super::fault::{AwaitedState, DeviceCause, DeviceIndex, Fault};
 use super::{
     COMMAND_CYCLES, Controller, DeviceNode, End, Event, Goal, Hold, NO_PLAN, Outcome, Pause, Phase,
-    STILL, STILL_CYCLES, StopPoint,
+    STILL, STILL_CYCLES, StopPoint, whole_nanos,
 };
 use crate::bus::Outbox;
 use crate::machine::InputMeaning;
@@ -715,7 +715,7 @@ impl<const N: usize> Controller<N> {
 
     /// So long in cycles, rounded up.
     pub(super) fn cycles(&self, time: Duration) -> u64 {
-        time.as_nanos().div_ceil(self.layout.cycle.as_nanos()) as u64
+        whole_nanos(time).div_ceil(whole_nanos(self.layout.cycle))
     }
 
     pub(super) fn timed_out(&self, limit: Duration) -> bool {

@@ -11,6 +11,16 @@ use super::{Controller, Event, Fault, Goal, Phase, Reaction, Row, StopPoint, eve
 use syncline_canopen::Instant;
 use syncline_drives::model::{PowerCommand, PowerState};
 
+/// What drives are given time for, in cycles.
+struct Times {
+    /// To come to a state that they were told.
+    patience: u64,
+    /// To be seen standing still.
+    still: u32,
+    /// To reach the velocity of a test move.
+    settling: u64,
+}
+
 impl<const N: usize> Controller<N> {
     /// Looks at drives and axes.
     pub(super) fn supervise(&mut self, now: Instant) {
@@ -32,8 +42,13 @@ impl<const N: usize> Controller<N> {
                 self.fail(fault);
             }
         }
+        let times = Times {
+            patience: self.cycles(self.layout.state_timeout),
+            still: self.still_cycles(),
+            settling: self.test_settling(),
+        };
         for axis in 0..self.axes.len() {
-            if let Err(fault) = self.check_axis(axis, phase) {
+            if let Err(fault) = self.check_axis(axis, phase, &times) {
                 self.fail(fault);
             }
         }
@@ -56,10 +71,12 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    fn check_axis(&mut self, axis: usize, phase: Phase) -> Result<(), Fault> {
-        let patience = self.cycles(self.layout.state_timeout);
-        let still = self.still_cycles();
-        let settling = self.test_settling();
+    fn check_axis(&mut self, axis: usize, phase: Phase, times: &Times) -> Result<(), Fault> {
+        let Times {
+            patience,
+            still,
+            settling,
+        } = *times;
         let Self { nodes, .. } = self;
         let index = axis;
         let axis = &mut self.axes[index];
@@ -104,12 +121,10 @@ impl<const N: usize> Controller<N> {
         let mut samples = [AxisSample::default(); N];
         let mut in_position = self.path_rests();
         for (index, axis) in self.axes.iter().enumerate() {
-            let sample = axis.sample(self.cycle, &self.nodes);
-            in_position &= axis.is_in_position(&sample);
-            samples[axis.coordinate()] = AxisSample {
-                in_homing: self.homing.homes(index),
-                ..sample
-            };
+            let sample = &mut samples[axis.coordinate()];
+            *sample = axis.sample(self.cycle, &self.nodes);
+            sample.in_homing = self.homing.homes(index);
+            in_position &= axis.is_in_position(sample);
         }
         self.in_position = if in_position { self.in_position + 1 } else { 0 };
         self.row = Some(Row {

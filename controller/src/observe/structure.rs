@@ -115,9 +115,7 @@ impl StructureWatch {
             }
         };
         let own = self.modes.iter().map(|mode| mode.frequency);
-        let (least, most) = own.clone().fold((f64::INFINITY, 0.0), |(least, most), it| {
-            (f64::min(least, it), f64::max(most, it))
-        });
+        let [least, most] = [0, self.modes.len() - 1].map(|at| self.modes[at].frequency);
         let decades = (0.1 * least).log10()..=(10.0 * most).log10();
         let steps = (f64::from(A_DECADE) * (decades.end() - decades.start())).ceil() as u32;
         let places = (0..=steps).map(|n| {

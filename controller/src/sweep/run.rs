@@ -76,6 +76,19 @@ impl Number {
     }
 }
 
+/// The columns of an axis, drive, gantry or structure: the head of each, and where its number is.
+fn columns<T, const COUNT: usize>(
+    part: &str,
+    name: &str,
+    numbers: [Named<T>; COUNT],
+    number: impl Fn(String, fn(&T) -> f64) -> Number,
+) -> [(String, Number); COUNT] {
+    numbers.map(|(what, of)| {
+        let head = format!("{part}.{name}.{what}");
+        (head, number(name.to_owned(), of))
+    })
+}
+
 /// What all runs of a sweep have in common.
 #[derive(Clone, Debug)]
 pub struct Runs {
@@ -95,35 +108,19 @@ impl Runs {
             Machine::load_with(&machine, &[sample])?;
         }
         let named = Machine::load(&machine)?;
-        let mut numbers: Vec<(String, Number)> = OF_RUN
+        let mut numbers: Vec<_> = OF_RUN
             .map(|(number, of)| (number.to_owned(), Number::Run(of)))
             .into();
         for axis in &named.axes {
             let name = axis.letter.to_string();
-            numbers.extend(OF_AXIS.map(|(number, of)| {
-                (
-                    format!("axis.{name}.{number}"),
-                    Number::Axis(name.clone(), of),
-                )
-            }));
+            numbers.extend(columns("axis", &name, OF_AXIS, Number::Axis));
         }
         for drive in &named.drives {
-            let name = &drive.name;
-            numbers.extend(OF_DRIVE.map(|(number, of)| {
-                (
-                    format!("drive.{name}.{number}"),
-                    Number::Drive(name.clone(), of),
-                )
-            }));
+            numbers.extend(columns("drive", &drive.name, OF_DRIVE, Number::Drive));
         }
         for axis in named.axes.iter().filter(|axis| axis.drives.len() > 1) {
             let name = axis.letter.to_string();
-            numbers.extend(OF_GANTRY.map(|(number, of)| {
-                (
-                    format!("gantry.{name}.{number}"),
-                    Number::Gantry(name.clone(), of),
-                )
-            }));
+            numbers.extend(columns("gantry", &name, OF_GANTRY, Number::Gantry));
         }
         let sways = |axis: &&Axis| {
             let simulation = axis.simulation.as_ref();
@@ -131,12 +128,7 @@ impl Runs {
         };
         for axis in named.axes.iter().filter(sways) {
             let name = axis.letter.to_string();
-            numbers.extend(OF_STRUCTURE.map(|(number, of)| {
-                (
-                    format!("structure.{name}.{number}"),
-                    Number::Structure(name.clone(), of),
-                )
-            }));
+            numbers.extend(columns("structure", &name, OF_STRUCTURE, Number::Structure));
         }
         Ok(Self {
             machine,

@@ -1,10 +1,10 @@
 //! Why a machine does not follow: which repair alone would let it.
 //!
 //! A motor that is too weak, a transmission that is too soft, a load that is too heavy and loops that are set wrong all
-//! end in the same following error, most of them in the same torque; a structure that sways has the tool off the path as well. What tells them apart is what helps. So
-//! a run that failed because an axis did not follow is run once more with one value of the machine file mended
-//! at a time, by the same controller on the same drives, as far as it failed and a little further. The first
-//! repair that lets it follow names the cause, in this order:
+//! end in the same following error, most of them in the same torque; a structure that sways has the tool off the path
+//! as well. What tells them apart is what helps. So a run that failed because an axis did not follow is run once more
+//! with one value of the machine file mended at a time, by the same controller on the same drives, as far as it failed
+//! and a little further. The first repair that lets it follow names the cause, in this order:
 //!
 //! - `gains`: without what `sdo` sets in its drives, which have the gains then that suit the axis,
 //! - `structure`: with a structure that does not sway along one axis: then the axes follow, and only an input shaper or

@@ -8,8 +8,9 @@
 
 use super::OUTWARDS;
 
-/// Steps and cycles that are kept, to look back by the drives' latency and for as long as a position may be missing.
-const KEPT: usize = 68;
+/// Steps and cycles that are kept, to look back by the drives' latency and for as long as a position may be missing; a
+/// power of two, of which the processor takes the remainder with one instruction.
+const KEPT: usize = 128;
 /// Of those as many can be looked back: with the next cycle, the next step, and the steps that no SYNC latched, of
 /// which there are two at the most before a fault.
 const FARTHEST: f64 = (KEPT - 6) as f64;
