@@ -11,7 +11,8 @@ use syncline_canopen::Frame;
 /// The words and bits by which it is told and tells are the model's own affair: outside of it there
 /// are a [`PowerCommand`] and a [`DriveStatus`]. What changes from frame to frame, a toggle bit, a
 /// counter, a handshake, is the model's own too: [`Drive::encode`] is called once for each cycle
-/// whose frames are sent, and never to try something.
+/// whose frames are handed to the bus, and never to try something. What the bus has no room for is
+/// to the drive as if it were lost on the wire.
 pub trait Drive: Feedback {
     /// A copy in the same state.
     fn clone_box(&self) -> Box<dyn Drive>;
