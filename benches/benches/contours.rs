@@ -1,6 +1,6 @@
 //! Motion along six named paths beside `copp`'s third-order LP, iterated and refined until its time
 //! stands still and then stretched until no limit is exceeded between its points, and beside simpler
-//! laws: `cargo bench -p syncline-benches --features measure --bench contours -- [PART OF A NAME]`.
+//! parametrisations: `cargo bench -p syncline-benches --features measure --bench contours -- [PART OF A NAME]`.
 
 use copp::path::{Path, PathEvaluator2nd, PathEvaluator3rd};
 use copp::robot::Robot;

@@ -61,7 +61,7 @@ impl Plan {
             plan.limits.acceleration[coordinate] = axis.limits.acceleration;
             plan.limits.jerk[coordinate] = axis.limits.jerk;
         }
-        let (mut committed, mut splice) = (0, None);
+        let (mut committed, mut replaces_from) = (0, None);
         // Where in the steps the section under way is.
         let mut section = 0;
         while let Some(instruction) = feeder.next_instruction().expect("a good program") {
@@ -79,7 +79,7 @@ impl Plan {
                     section = plan.steps.len();
                     plan.steps.push(Step::Section(Vec::new()));
                 }
-                Command::ReplaceTail(step) => splice = Some(step as usize),
+                Command::ReplaceTail(step) => replaces_from = Some(step as usize),
                 Command::PathSegment(path_segment) => match &mut plan.steps[section] {
                     Step::Section(path_segments) => path_segments.push(path_segment),
                     step => panic!("a path segment goes on with {step:?}"),
@@ -93,8 +93,8 @@ impl Plan {
                     panic!("nobody asked for {command:?}")
                 }
                 Command::Commit => {
-                    if let Some(step) = splice.take() {
-                        assert!(section < step, "a section's law goes on in it");
+                    if let Some(step) = replaces_from.take() {
+                        assert!(section < step, "a section's jerk segments go on in it");
                         plan.steps.drain(step..committed);
                     }
                     committed = plan.steps.len();

@@ -1,6 +1,6 @@
 //! Every axis against its limits: what was planned, what was sent, and what the drives made of it.
 //!
-//! A verdict that believed the plan would trust whom it judges. So it stands on three legs, of which none
+//! A verdict that believed the plan would trust whom it judges. So it has three grounds, of which none
 //! can be right by mistake alone:
 //!
 //! - *the plan's own derivatives* at every SYNC, as exact as numbers are,
@@ -17,7 +17,7 @@
 //! A setpoint that holds the low bits of a position alone ([`Drive::setpoint_range`]) goes on from the one
 //! before, as the drive takes it; the first one is the nearest to the plan, as nothing else tells.
 //!
-//! With the third leg, what the first says of the plan holds for what was sent, to half an increment; and
+//! With the third ground, what the first says of the plan holds for what was sent, to half an increment; and
 //! the second holds without it.
 //!
 //! [`Drive::setpoint_range`]: syncline_drives::model::Drive::setpoint_range

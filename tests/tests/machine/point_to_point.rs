@@ -564,7 +564,7 @@ const GOERS: [Goer; 3] = [
     },
 ];
 
-/// How far each two of the axes may be beside the straight line to these distances, mm, with this time law at most
+/// How far each two of the axes may be beside the straight line to these distances, mm, with this profile at most
 /// (1/s, 1/s²): by what the units of their velocities and ramps round, as each adds up over the way, and by their lags as
 /// they differ.
 fn straightness(distances: [f64; 3], [one, other]: [usize; 2], [velocity, ramp]: [f64; 2]) -> f64 {
@@ -611,7 +611,7 @@ proptest! {
         let least = |limit: fn(&Goer) -> f64| {
             goers().map(|axis| limit(&GOERS[axis]) / distances[axis].abs()).fold(f64::INFINITY, f64::min)
         };
-        let law = [least(|it| it.velocity).min(feed.unwrap_or(f64::INFINITY)), least(|it| it.ramp)];
+        let profile = [least(|it| it.velocity).min(feed.unwrap_or(f64::INFINITY)), least(|it| it.ramp)];
         rig.run_to_row(1);
         let turned = |rig: &mut Rig, axis: usize| {
             let Goer { device, pitch, direction, .. } = GOERS[axis];
@@ -630,7 +630,7 @@ proptest! {
         }
         prop_assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
         for (worst, pair) in worst.iter().zip(pairs).filter_map(|(it, pair)| Some((it, pair?))) {
-            let bound = straightness(distances, pair, law);
+            let bound = straightness(distances, pair, profile);
             prop_assert!(*worst <= bound, "{pair:?}: {worst} mm, bound {bound}");
         }
         for axis in [U, V] {

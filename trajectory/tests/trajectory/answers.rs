@@ -5,7 +5,7 @@ use crate::machine::Machine;
 use crate::programs::{Cost, Draw, Program, campaign};
 use syncline_trajectory::path::{Feed, Limits, Overrides, PathControlMode};
 
-/// More than a call may spend: its allowance, and a law of as many cells as one may have.
+/// More than a call may spend: its allowance, and a speed profile of as many cells as one may have.
 const MOST_OF_A_CALL: usize = 2_000_000 + 9_600 * 80;
 /// What a path may take for a segment, and for a second of motion with stops.
 const MOST_OF_A_SEGMENT: f64 = 500_000.0;

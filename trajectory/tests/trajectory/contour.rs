@@ -754,8 +754,8 @@ fn a_bridged_joint_takes_no_longer_than_a_stop_in_it() {
     }
 }
 
-/// Short segments too long for arcs: every joint is a blend of micrometres, and the certificate has the law
-/// mended in nearly every window.
+/// Short segments too long for arcs: every joint is a blend of micrometres, and the certificate has the
+/// speed profile mended in nearly every window.
 #[test]
 fn laws_are_found_along_joints_of_micrometres() {
     let mut angle: f64 = 20.0;

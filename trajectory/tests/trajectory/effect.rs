@@ -5,7 +5,7 @@
 //! the command on, until the next one,
 //!
 //! - where the speed is above what is asked for there, it falls, or its acceleration does, unless no
-//!   law from the state after 10 ms on does that: of all that the axes' limits let be reached from there,
+//!   speed profile from the state after 10 ms on does that: of all that the axes' limits let be reached from there,
 //!   on a grid, nothing is left then;
 //! - where it is below that and below the reference, it rises, or a deceleration is taken back,
 //!   unless the reference falls within the next 10 ms of the way: there the path's own limit comes.
@@ -27,7 +27,7 @@ const RESPONSE: f64 = 0.010;
 const FINE: f64 = 0.001;
 /// Speeds that differ by less are the same, mm/s.
 const SAME: f64 = 0.05;
-/// And by this part of what is asked for above it, or below, where a law may ripple that had to be tightened.
+/// And by this part of what is asked for above it, or below, where a speed profile may ripple that had to be tightened.
 const ABOVE: f64 = 1e-3;
 const BELOW: f64 = 0.015;
 /// An acceleration below this is none, mm/s²: 0.1 mm/s in a second.
@@ -166,14 +166,14 @@ fn fault(before: State, now: State, asked: f64, reference: &Reference) -> Option
 
 /// By what part a limit may be exceeded on the grid.
 const CLOSE: f64 = 2e-3;
-/// A step of the search for a law that falls, s, the jerks tried in each, and the looks at every path segment
+/// A step of the search for a speed profile that falls, s, the jerks tried in each, and the looks at every path segment
 /// on its way.
 const STEP: f64 = 0.000_25;
 const JERKS: usize = 9;
 const LOOKS: usize = 4;
 /// States apart by these parts of speed and of the greatest acceleration are one.
 const GRID: [f64; 2] = [4e-3, 2e-3];
-/// A law must go on for so long beyond where another one does not fall, or come to rest before, s.
+/// A speed profile must go on for so long beyond where another one does not fall, or come to rest before, s.
 const BEYOND: f64 = 0.05;
 
 /// The path jerks that every axis allows in a state.
@@ -273,7 +273,7 @@ struct Count {
     in_force: usize,
     /// The worst of the others, ms.
     latest: f64,
-    /// How often the speed rose above what is asked for as the path's own limits leave no other law.
+    /// How often the speed rose above what is asked for as the path's own limits leave no other speed profile.
     limited: usize,
     stay_above: usize,
     dip: usize,
