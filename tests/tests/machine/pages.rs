@@ -3,6 +3,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+/// What pages name and a build writes.
+const WRITTEN_LATER: &str = "python/THIRD-PARTY.txt";
+
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
@@ -115,4 +118,30 @@ fn links_lead_somewhere() {
             assert!(target.exists(), "{}: {link}", page.display());
         }
     }
+}
+
+/// Files and folders of the repository that pages name in full are there.
+#[test]
+fn paths_are_those_of_files() {
+    let folders = fs::read_dir(root()).unwrap();
+    let folders: Vec<String> = folders
+        .filter_map(|entry| entry.unwrap().file_name().into_string().ok())
+        .filter(|name| !name.starts_with('.') && root().join(name).is_dir())
+        .collect();
+    let mut count = 0;
+    for page in pages() {
+        let text = fs::read_to_string(&page).unwrap();
+        for named in text.split('`').skip(1).step_by(2) {
+            let is_path = |it: char| it.is_ascii_alphanumeric() || "._-/".contains(it);
+            let folder = named.split_once('/').map(|(folder, _)| folder);
+            let is_ours = folder.is_some_and(|it| folders.iter().any(|own| own == it));
+            if !is_ours || !named.chars().all(is_path) || named == WRITTEN_LATER {
+                continue;
+            }
+            count += 1;
+            let path = root().join(named);
+            assert!(path.exists(), "{}: {named}", page.display());
+        }
+    }
+    assert!(count > 50, "{count} paths");
 }
