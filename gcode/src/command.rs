@@ -390,6 +390,53 @@ pub enum Output {
     },
 }
 
+/// What the outputs of a machine are, by the numbers that programs have for them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Outputs {
+    /// The digital outputs that are on: bit 0 is P0.
+    pub digital: u64,
+    /// The analog outputs, from E0 on.
+    pub analog: [f64; ANALOG_OUTPUTS],
+}
+
+impl Outputs {
+    /// Switches a digital output.
+    pub fn put(&mut self, number: u8, on: bool) {
+        let bit = 1 << number;
+        self.digital = self.digital & !bit | if on { bit } else { 0 };
+    }
+
+    /// Does what a code does, whenever that is to be; one of the user's is nothing to outputs.
+    pub fn switch(&mut self, output: &Output) {
+        match *output {
+            Output::Digital { number, on, .. } => self.put(number, on),
+            Output::Analog { number, value, .. } => self.analog[usize::from(number)] = value,
+            Output::User { .. } => {}
+        }
+    }
+
+    /// The codes that make these outputs of `others`, at once and in the order of their numbers.
+    pub(crate) fn unlike(self, others: &Outputs) -> impl Iterator<Item = Output> {
+        let differ = self.digital ^ others.digital;
+        let digital = (0..u64::BITS as u8).filter(move |number| differ >> number & 1 != 0);
+        let digital = digital.map(move |number| Output::Digital {
+            number,
+            on: self.digital >> number & 1 != 0,
+            with_motion: false,
+        });
+        let pairs = self.analog.into_iter().zip(others.analog);
+        let analog = (0..)
+            .zip(pairs)
+            .filter(|(_, (value, other))| value != other);
+        let analog = analog.map(|(number, (value, _))| Output::Analog {
+            number,
+            value,
+            with_motion: false,
+        });
+        digital.chain(analog)
+    }
+}
+
 impl Output {
     /// Whether it waits for the next motion.
     pub fn is_with_motion(&self) -> bool {
@@ -397,15 +444,6 @@ impl Output {
             Output::Digital { with_motion, .. } | Output::Analog { with_motion, .. } => with_motion,
             Output::User { .. } => false,
         }
-    }
-
-    /// The same without waiting for the next motion.
-    pub(crate) fn at_once(mut self) -> Self {
-        if let Output::Digital { with_motion, .. } | Output::Analog { with_motion, .. } = &mut self
-        {
-            *with_motion = false;
-        }
-        self
     }
 
     /// Whether another code switches the same output; one of the user's switches none.

@@ -2,7 +2,7 @@
 //! into the state of that place is an [`Entry`].
 
 use super::axes::Point;
-use super::command::{Action, Coolant, Output, PathMode, Spindle, Stop, Way};
+use super::command::{Action, Coolant, Output, Outputs, PathMode, Spindle, Stop, Way};
 use super::modal::Modes;
 use super::outputs::PassedOutputs;
 
@@ -42,6 +42,8 @@ pub struct InEffect {
     pub spindle: Spindle,
     /// M7, M8, M9.
     pub coolant: Coolant,
+    /// Its outputs.
+    pub outputs: Outputs,
 }
 
 /// What the commands of a program have come to, one after the other.
@@ -54,14 +56,15 @@ pub(crate) struct Passed {
 }
 
 impl Passed {
-    /// None, of a program that begins at `start` in these modes.
-    pub(crate) fn new(start: Point, initial: &Modes) -> Self {
+    /// None, of a program that begins at `start` in these modes and with these outputs.
+    pub(crate) fn new(start: Point, initial: &Modes, outputs: Outputs) -> Self {
         Self {
-            outputs: PassedOutputs::new(start),
+            outputs: PassedOutputs::new(start, outputs),
             effect: InEffect {
                 tool: initial.tool,
                 spindle: initial.spindle,
                 coolant: initial.coolant,
+                outputs,
             },
             selected_tool: initial.selected_tool,
             path_mode: initial.path_mode,
@@ -71,7 +74,10 @@ impl Passed {
 
     /// What they have put into effect.
     pub(crate) fn effect(&self) -> InEffect {
-        self.effect
+        InEffect {
+            outputs: self.outputs.outputs,
+            ..self.effect
+        }
     }
 
     /// Passes the next command.
@@ -117,7 +123,7 @@ impl Passed {
             (effect.coolant != now.coolant).then_some(Action::Coolant(effect.coolant)),
         ];
         let set_up = set_up.into_iter().flatten();
-        let outputs_first = outputs.switched.into_iter().map(Action::Output);
+        let outputs_first = outputs.outputs.unlike(&now.outputs).map(Action::Output);
         let path_mode = (path_mode != initial.path_mode).then_some(Action::PathMode(path_mode));
         Entry {
             at,

@@ -374,8 +374,14 @@ impl Interpreter {
         })
     }
 
+    /// No command yet.
+    fn passed_none(&self) -> Passed {
+        let setup = &self.state.setup;
+        Passed::new(self.state.at, &setup.memory.modes, setup.outputs)
+    }
+
     fn pass_to(&mut self, place: &Place) -> Result<Passed, Refusal> {
-        let mut passed = Passed::new(self.state.at, &self.state.setup.memory.modes);
+        let mut passed = self.passed_none();
         let line = place.known.map_or(0, |(_, line)| line);
         loop {
             let at = self.passed;
@@ -408,7 +414,7 @@ impl Interpreter {
 
     fn skip_to(&mut self, line: u32) -> Result<Entry, Refusal> {
         let start = self.state.at;
-        let mut passed = Passed::new(start, &self.state.setup.memory.modes);
+        let mut passed = self.passed_none();
         let begun = passed.effect();
         // What is read over is not met, but where that ends the program goes on behind.
         let mut read_over = false;

@@ -54,8 +54,8 @@ pub use arc::{Arc, Direction, Plane, RADIUS_RATIO, RADIUS_TOLERANCE};
 pub use axes::{AxisLetter, AxisSet, Point};
 pub use command::{
     ANALOG_INPUTS, ANALOG_OUTPUTS, Action, Command, Coolant, DIGITAL_INPUTS, DIGITAL_OUTPUTS, Feed,
-    InputWait, Orientation, Output, PathMode, Probe, Span, Spindle, Stop, Surface, TakenInput,
-    Turning, Until, Way,
+    InputWait, Orientation, Output, Outputs, PathMode, Probe, Span, Spindle, Stop, Surface,
+    TakenInput, Turning, Until, Way,
 };
 pub use coordinates::WorkCoordinates;
 pub use cycles::Cycle;
@@ -93,6 +93,8 @@ pub struct Setup {
     /// What the programs before have left; the interpreter keeps what this one makes of it, see
     /// [`Interpreter::memory`].
     pub memory: Memory,
+    /// What outputs are as the program begins.
+    pub outputs: Outputs,
     /// Lines that were typed in: where they end without M2 the modal state goes on.
     pub typed: bool,
     /// Digital inputs that M66 can wait for: bit 0 is P0.
@@ -134,6 +136,7 @@ impl Setup {
             tables: Tables::default(),
             limits: [None; 9],
             memory: Memory::default(),
+            outputs: Outputs::default(),
             typed: false,
             inputs: 0,
             analog_inputs: 0,

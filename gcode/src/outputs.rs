@@ -1,23 +1,23 @@
-//! What a program has made of outputs up to a line that it begins at: of each the last code counts, and one
-//! that waits for a motion counts from that motion on.
+//! What a program has made of outputs up to a line that it begins at: a code that waits for a motion counts from that
+//! motion on.
 
 use super::axes::Point;
-use super::command::{Action, Output};
+use super::command::{Action, Output, Outputs};
 
 /// Outputs on the way to a line.
 pub(crate) struct PassedOutputs {
-    /// The last code of each output, the oldest first.
-    pub(crate) switched: Vec<Output>,
-    /// Those that still wait for the next motion.
+    /// What they are there.
+    pub(crate) outputs: Outputs,
+    /// The codes that still wait for the next motion, of each output the last.
     pub(crate) await_motion: Vec<Output>,
     at: Point,
 }
 
 impl PassedOutputs {
-    /// None yet, of a program that begins at `start`.
-    pub(crate) fn new(start: Point) -> Self {
+    /// Of a program that begins at `start` with these.
+    pub(crate) fn new(start: Point, outputs: Outputs) -> Self {
         Self {
-            switched: Vec::new(),
+            outputs,
             await_motion: Vec::new(),
             at: start,
         }
@@ -36,7 +36,7 @@ impl PassedOutputs {
             Action::Output(output) if output.is_with_motion() => {
                 return keep_last(&mut self.await_motion, *output);
             }
-            Action::Output(output) => return keep_last(&mut self.switched, *output),
+            Action::Output(output) => return self.outputs.switch(output),
             Action::Rapid { to } | Action::Feed { to, .. } if *to == self.at => return,
             Action::Tap { .. } => self.at,
             action => match action.destination() {
@@ -45,8 +45,8 @@ impl PassedOutputs {
             },
         };
         self.at = to;
-        for output in std::mem::take(&mut self.await_motion) {
-            keep_last(&mut self.switched, output.at_once());
+        for output in self.await_motion.drain(..) {
+            self.outputs.switch(&output);
         }
     }
 }

@@ -227,7 +227,7 @@ fn rests(status: &Status) -> bool {
     match status.state {
         State::Ready | State::Faulted | State::Disabled => true,
         State::Held => stands,
-        State::Mdi | State::Running => stands && held,
-        State::Off | State::Starting | State::Homing | State::Jogging | State::Stopping => false,
+        State::Jogging | State::Mdi | State::Running => stands && held,
+        State::Off | State::Starting | State::Homing | State::Stopping => false,
     }
 }

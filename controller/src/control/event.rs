@@ -349,6 +349,13 @@ pub enum Event {
     NoWayBack,
     /// A program that was held is left for lines that are typed in, and waits to be resumed.
     SetAside,
+    /// A tool change was given up: the tool before counts as in the spindle.
+    ToolNotChanged {
+        /// The tool that was to be loaded; 0 for none.
+        asked: u32,
+        /// The one before; 0 for none.
+        tool: u32,
+    },
     /// A job is over.
     JobOver {
         /// Its number.
@@ -577,6 +584,7 @@ impl Event {
             | Self::Retracing
             | Self::NoWayBack
             | Self::SetAside
+            | Self::ToolNotChanged { .. }
             | Self::Interrupted => return self.describe_path(names),
             Self::JobOver { .. } | Self::State(_) | Self::Kept { .. } => return None,
             Self::Fault(fault) => format!("FAULT: {}", fault.describe(names)),
@@ -620,6 +628,10 @@ impl Event {
             Self::Retracing => "retracing: going back along the path".to_owned(),
             Self::NoWayBack => NO_WAY_BACK.to_owned(),
             Self::SetAside => SET_ASIDE.to_owned(),
+            Self::ToolNotChanged { asked, tool } => format!(
+                "the change to tool {asked} was not confirmed: tool {tool} counts as in the spindle (0: none); if another \
+                 one is, say so by M61 Q"
+            ),
             Self::Interrupted => "interrupted: stopping on the path".to_owned(),
             _ => return None,
         })

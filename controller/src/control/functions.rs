@@ -17,13 +17,13 @@
 //! the path goes on; without a job what was switched by hand is what the next job begins with.
 
 use super::Layout;
-use super::{Controller, Event, JobKind, Phase, Request, event_sink};
+use super::{Controller, Event, Job, JobKind, Pause, Phase, Request, StopPoint, event_sink};
 use crate::machine::{AnalogSource, OutputSwitch};
 use std::collections::VecDeque;
 use std::fmt;
 use std::mem::take;
 use std::sync::Arc;
-use syncline_gcode::{ANALOG_OUTPUTS, AxisLetter, Coolant, Output, Spindle, Turning};
+use syncline_gcode::{AxisLetter, Coolant, Output, Outputs, Spindle, Turning};
 
 /// M-codes that the cycle has room for. Where a program has more without a stop, the path rests for
 /// them to be executed.
@@ -56,10 +56,8 @@ pub struct MachineFunctions {
     pub coolant: Coolant,
     /// The tool that M6 loaded.
     pub tool: u32,
-    /// The digital outputs that are on: bit 0 is P0.
-    pub digital: u64,
-    /// The analog outputs, from E0 on.
-    pub analog: [f64; ANALOG_OUTPUTS],
+    /// M62 … M65, M67, M68.
+    pub outputs: Outputs,
     /// The line of the last M-code.
     pub line: u32,
 }
@@ -68,7 +66,7 @@ impl MachineFunctions {
     /// Whether an output is on.
     pub(super) fn is_on(&self, switch: OutputSwitch) -> bool {
         match switch {
-            OutputSwitch::Program(number) => self.digital >> number & 1 != 0,
+            OutputSwitch::Program(number) => self.outputs.digital >> number & 1 != 0,
             OutputSwitch::Spindle => self.spindle.turning != Turning::Off,
             OutputSwitch::SpindleReverse => self.spindle.turning == Turning::Counterclockwise,
             OutputSwitch::Mist => self.coolant.mist,
@@ -80,10 +78,7 @@ impl MachineFunctions {
     /// Switches an output; the spindle's only the program does.
     fn put(&mut self, switch: OutputSwitch, on: bool) {
         match switch {
-            OutputSwitch::Program(number) => {
-                let bit = 1 << number;
-                self.digital = self.digital & !bit | if on { bit } else { 0 };
-            }
+            OutputSwitch::Program(number) => self.outputs.put(number, on),
             OutputSwitch::Mist => self.coolant.mist = on,
             OutputSwitch::Flood => self.coolant.flood = on,
             OutputSwitch::Spindle | OutputSwitch::SpindleReverse | OutputSwitch::EnableChain => {}
@@ -93,7 +88,7 @@ impl MachineFunctions {
     /// What an analog output puts out.
     pub(super) fn value(&self, source: AnalogSource) -> f64 {
         match source {
-            AnalogSource::Program(number) => self.analog[usize::from(number)],
+            AnalogSource::Program(number) => self.outputs.analog[usize::from(number)],
             AnalogSource::SpindleSpeed if self.spindle.turning == Turning::Off => 0.0,
             AnalogSource::SpindleSpeed => self.spindle.speed,
         }
@@ -108,13 +103,8 @@ impl MachineFunctions {
             Switch::Spindle(spindle) => self.spindle = spindle,
             Switch::Coolant(coolant) => self.coolant = coolant,
             Switch::Tool(tool) => self.tool = tool,
-            Switch::Output(Output::Digital { number, on, .. }) => {
-                self.put(OutputSwitch::Program(number), on);
-            }
-            Switch::Output(Output::Analog { number, value, .. }) => {
-                self.analog[usize::from(number)] = value;
-            }
-            Switch::Output(Output::User { .. }) | Switch::Message => {}
+            Switch::Output(output) => self.outputs.switch(&output),
+            Switch::Message => {}
         }
     }
 }
@@ -123,6 +113,8 @@ impl MachineFunctions {
 #[derive(Clone)]
 pub(super) struct Switches {
     pub(super) functions: MachineFunctions,
+    /// The tool before the one that was loaded last.
+    tool_before: u32,
     /// Outputs have their safe values, whatever was switched.
     safe: bool,
     kept: Kept,
@@ -144,6 +136,7 @@ impl Switches {
         waiting.clear();
         Self {
             functions: MachineFunctions::default(),
+            tool_before: 0,
             safe: false,
             kept: Kept::default(),
             executed: 0,
@@ -161,12 +154,13 @@ impl Switches {
     }
 
     /// A job begins: from now on outputs are what M-codes make of them, and what they were switched to by hand
-    /// before. In typed lines those that have their safe values keep them until they are switched.
-    pub(super) fn begin(&mut self, layout: &Layout, kind: JobKind, mut tell: impl FnMut(Switch)) {
-        match kind {
-            JobKind::Program => self.let_go(),
-            JobKind::Mdi if self.safe => self.keep_safe(layout),
-            JobKind::Mdi => {}
+    /// before. In typed lines those that have their safe values keep them until they are switched, and so they do where a
+    /// program begins in its middle: what is to be otherwise there it switches itself, once that was confirmed.
+    pub(super) fn begin(&mut self, layout: &Layout, job: &Job, mut tell: impl FnMut(Switch)) {
+        match job.kind {
+            JobKind::Program if !job.is_entered => self.let_go(),
+            _ if self.safe => self.keep_safe(layout),
+            _ => {}
         }
         self.safe = false;
         let coolant = self.functions.coolant;
@@ -195,7 +189,7 @@ impl Switches {
         }
         for output in &layout.analog_outputs {
             if let AnalogSource::Program(number) = output.source {
-                self.functions.analog[usize::from(number)] = output.safe;
+                self.functions.outputs.analog[usize::from(number)] = output.safe;
                 self.kept.analog |= 1 << number;
             }
         }
@@ -204,20 +198,12 @@ impl Switches {
     /// The outputs that nobody has switched are off.
     fn let_go(&mut self) {
         let Kept { digital, analog } = take(&mut self.kept);
-        self.functions.digital &= !digital;
-        for (number, value) in self.functions.analog.iter_mut().enumerate() {
+        self.functions.outputs.digital &= !digital;
+        for (number, value) in self.functions.outputs.analog.iter_mut().enumerate() {
             if analog >> number & 1 != 0 {
                 *value = 0.0;
             }
         }
-    }
-
-    /// The outputs of a program are as it has switched them before, whoever has switched them meanwhile.
-    pub(super) fn put_back(&mut self, program: &MachineFunctions) {
-        self.kept = Kept::default();
-        self.by_hand.fill(None);
-        self.functions.digital = program.digital;
-        self.functions.analog = program.analog;
     }
 
     /// Switches an output by hand.
@@ -245,8 +231,7 @@ impl Switches {
                 tell(off);
             }
         }
-        self.functions.digital = 0;
-        self.functions.analog = [0.0; ANALOG_OUTPUTS];
+        self.functions.outputs = Outputs::default();
         self.kept = Kept::default();
         self.safe = true;
     }
@@ -270,6 +255,9 @@ impl Switches {
         let due = self.executed < waypoints;
         let (line, switch) = due.then(|| self.waiting.pop_front()).flatten()?;
         self.executed += 1;
+        if let Switch::Tool(_) = switch {
+            self.tool_before = self.functions.tool;
+        }
         self.functions.switch(line, switch);
         if let Switch::Output(output) = switch {
             self.kept.switched(output);
@@ -315,6 +303,27 @@ impl<const N: usize> Controller<N> {
             if let Switch::Spindle(_) = switch {
                 self.executor.set_turns(None);
             }
+        }
+    }
+
+    /// What M-codes have made of the outputs of a program.
+    #[must_use]
+    pub fn outputs(&self) -> Outputs {
+        self.switches.functions.outputs
+    }
+
+    /// A tool change that an operator has not confirmed as the job ends was none.
+    pub(super) fn give_tool_change_up(&mut self) {
+        if let Some(StopPoint::Pause {
+            reason: Pause::ToolChange(asked),
+            line,
+        }) = self.reached()
+        {
+            let tool = self.switches.tool_before;
+            let switch = Switch::Tool(tool);
+            self.switches.functions.switch(line, switch);
+            self.tell(Event::Switched { line, switch });
+            self.tell(Event::ToolNotChanged { asked, tool });
         }
     }
 

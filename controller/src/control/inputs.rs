@@ -174,6 +174,12 @@ impl<const N: usize> Controller<N> {
         match meaning {
             // It would go on to its end.
             InputMeaning::Door if self.threading.has_begun() => self.interrupt(),
+            InputMeaning::FeedHold if state == State::Homing => {
+                self.interrupt_homing(HomingFailure::FeedHold);
+            }
+            InputMeaning::Door if state == State::Homing => {
+                self.interrupt_homing(HomingFailure::DoorOpen);
+            }
             InputMeaning::FeedHold | InputMeaning::Door if state.allows(Request::FeedHold) => {
                 self.hold_path(Hold::Input(input));
             }
@@ -183,12 +189,6 @@ impl<const N: usize> Controller<N> {
                 if self.job.is_some() {
                     self.hold_path(Hold::Input(input));
                 }
-            }
-            InputMeaning::FeedHold if state == State::Homing => {
-                self.interrupt_homing(HomingFailure::FeedHold);
-            }
-            InputMeaning::Door if state == State::Homing => {
-                self.interrupt_homing(HomingFailure::DoorOpen);
             }
             InputMeaning::Probe | InputMeaning::ToolSetter => self.touched(),
             // To read it anew takes an operator, who is told what it begins with.
@@ -214,9 +214,8 @@ impl<const N: usize> Controller<N> {
 
     /// An input that is on and with which nothing may begin to move: a door that is open, or a feed hold.
     pub(super) fn holding_input(&self) -> Option<InputIndex> {
-        let holds = |meaning| [InputMeaning::Door, InputMeaning::FeedHold].contains(&meaning);
         let mut inputs = self.layout.inputs.iter().enumerate();
-        let on = inputs.find(|(index, input)| holds(input.meaning) && self.inputs.is_on(*index));
+        let on = inputs.find(|(index, input)| input.meaning.holds() && self.inputs.is_on(*index));
         on.map(|(index, _)| index)
     }
 

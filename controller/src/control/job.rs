@@ -18,11 +18,15 @@ pub struct Job {
     pub number: u64,
     /// What it is.
     pub kind: JobKind,
+    /// It is a program that begins in its middle, and brings the machine into the state of that place itself.
+    pub is_entered: bool,
     /// It is read as it comes, and may stand still for as long as it likes in real time: then it is
     /// no fault that no plan comes.
     pub waits_for_input: bool,
     /// The axes that need not be referenced where it begins, as it homes them before it moves any.
     pub homes_first: AxisSet,
+    /// It moves no axis and turns no spindle, so that it may be done also while nothing may begin to move.
+    pub is_still: bool,
     /// Axes that it leaves where they are, and for which it does the same wherever that is: nothing is asked of them.
     pub leaves: AxisSet,
 }
@@ -59,13 +63,27 @@ pub enum Outcome {
     SetAside,
 }
 
+/// What became of a program that was held and left for lines that are typed in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Aside {
+    /// There is none.
+    #[default]
+    None,
+    /// It may be taken up.
+    Rests,
+    /// It is the job, and waits to be confirmed before it moves or switches anything.
+    TakenUp,
+}
+
 impl Job {
     /// The job that a machine is switched on for.
-    pub(crate) const ONLY: Self = Self {
+    pub const ONLY: Self = Self {
         number: 0,
         kind: JobKind::Program,
+        is_entered: false,
         waits_for_input: false,
         homes_first: AxisSet::NONE,
+        is_still: false,
         leaves: AxisSet::NONE,
     };
 }
@@ -89,7 +107,7 @@ impl<const N: usize> Controller<N> {
             phase if phase < Phase::Program && self.goal == Goal::Ready => State::Starting,
             Phase::Program if self.homing.is_active() => State::Homing,
             Phase::Program => match self.job {
-                None if self.aside.is_some() => State::Held,
+                None if self.aside == Aside::Rests => State::Held,
                 None if self.executor.is_off_path() => State::Jogging,
                 None => State::Ready,
                 Some(_) if self.held || self.pause_told => State::Held,
@@ -114,12 +132,12 @@ impl<const N: usize> Controller<N> {
         let mut events = event_sink(&mut self.events);
         let line = self.switches.functions.line;
         let told = |switch| events(Event::Switched { line, switch });
-        self.switches.begin(&self.layout, job.kind, told);
+        self.switches.begin(&self.layout, &job, told);
         drop(events);
         self.rest_here();
     }
 
-    /// Begins lines that are typed in where a program is held: that is set aside, with what it has switched.
+    /// Begins lines that are typed in where a program is held: that is set aside.
     ///
     /// # Errors
     /// The axes move, or are beside the path for something that cannot be left.
@@ -140,7 +158,7 @@ impl<const N: usize> Controller<N> {
             return Err(Refusal::Moving);
         }
         if self.job.is_some() {
-            self.aside = Some(self.switches.functions);
+            self.aside = Aside::Rests;
             self.end_job(Outcome::SetAside);
             self.tell(Event::SetAside);
         }
@@ -148,21 +166,19 @@ impl<const N: usize> Controller<N> {
         Ok(())
     }
 
-    /// Begins the rest of the program that was set aside: outputs are its own again, but for spindle and coolant, which
-    /// it switches itself.
+    /// Begins the rest of the program that was set aside.
     ///
     /// # Errors
     /// None was, or the axes move.
     pub(super) fn take_up(&mut self, job: Job) -> Result<(), Refusal> {
-        let Some(functions) = self.aside.filter(|_| self.job.is_none()) else {
+        if !self.rests_aside() {
             let (request, state) = (Request::Begin, self.state());
             return Err(NotNow { request, state }.into());
-        };
+        }
         if !self.rests_held() {
             return Err(Refusal::Moving);
         }
-        self.aside = None;
-        self.switches.put_back(&functions);
+        self.aside = Aside::TakenUp;
         self.begin(job);
         Ok(())
     }
@@ -178,7 +194,7 @@ impl<const N: usize> Controller<N> {
 
     /// Whether a program is set aside and nothing is at work.
     pub(super) fn rests_aside(&self) -> bool {
-        self.aside.is_some() && self.job.is_none() && self.phase == Phase::Program
+        self.aside == Aside::Rests && self.job.is_none() && self.phase == Phase::Program
     }
 
     /// Forgets what is left of a plan: the machine rests where it is.
@@ -239,17 +255,10 @@ impl<const N: usize> Controller<N> {
         self.job.is_some() && !elsewhere && matches!(self.phase, Phase::Program | Phase::Stop)
     }
 
-    /// As [`Job::waits_for_input`], for the one job that a machine is switched on for.
-    pub fn wait_for_input(&mut self) {
-        if let Some(job) = &mut self.job {
-            job.waits_for_input = true;
-        }
-    }
-
-    /// As [`Job::homes_first`], for the one job that a machine is switched on for.
-    pub fn home_first(&mut self, axes: AxisSet) {
-        if let Some(job) = &mut self.job {
-            job.homes_first = axes;
+    /// What is to be known of the one job that a machine is switched on for.
+    pub fn works_on(&mut self, job: Job) {
+        if let Some(only) = &mut self.job {
+            *only = job;
         }
     }
 
@@ -317,6 +326,9 @@ impl<const N: usize> Controller<N> {
             return self.executor.resume();
         }
         if take(&mut self.pause_told) {
+            if self.aside == Aside::TakenUp {
+                self.aside = Aside::None;
+            }
             if self.executor.is_off_path() {
                 self.executor.resume();
             }
@@ -335,7 +347,7 @@ impl<const N: usize> Controller<N> {
     /// Stops what moves; the job is over. A machine that was switched on for one job goes off.
     pub fn interrupt(&mut self) {
         let works = self.job.is_some()
-            || self.aside.is_some()
+            || self.aside == Aside::Rests
             || self.homing.is_active()
             || self.executor.is_off_path();
         let moves = self.phase == Phase::Program && works;
@@ -362,6 +374,10 @@ impl<const N: usize> Controller<N> {
             self.fail(Fault::Program);
         } else if self.job.is_some() && self.phase == Phase::Program {
             if self.has_not_moved() {
+                // What cannot be taken up is left as it was.
+                if self.aside == Aside::TakenUp {
+                    self.aside = Aside::Rests;
+                }
                 return self.rest_after(Outcome::Broken);
             }
             self.end_job(Outcome::Broken);
@@ -379,10 +395,19 @@ impl<const N: usize> Controller<N> {
     /// The job has ended.
     pub(super) fn end_job(&mut self, outcome: Outcome) {
         if let Some(job) = self.job.take() {
-            // Typed lines that are wrong were not begun, and stop nothing.
-            let ends = job.kind == JobKind::Program || outcome == Outcome::Stopped;
-            if ends && outcome != Outcome::SetAside && self.stays_on {
+            // What is wrong was not begun where nothing has moved, and stops nothing.
+            let ends = match job.kind {
+                JobKind::Program => self.aside != Aside::Rests,
+                JobKind::Mdi => outcome == Outcome::Stopped,
+            };
+            if outcome == Outcome::Stopped {
+                self.give_tool_change_up();
+            }
+            if ends && self.stays_on {
                 self.switch_off_outputs();
+            }
+            if self.aside == Aside::TakenUp {
+                self.aside = Aside::None;
             }
             self.over = Some((job.number, outcome));
             self.tell(Event::JobOver {

@@ -104,6 +104,7 @@ use fault::{BusCause, BusIndex, DeviceCause, DeviceIndex, Names};
 use functions::Switches;
 use homing::Homing;
 use inputs::{Awaited, Inputs};
+use job::Aside;
 use limit_switches::LimitSwitches;
 use node::DeviceNode;
 use orientation::Orienter;
@@ -265,9 +266,7 @@ pub struct Controller<const N: usize> {
     job: Option<Job>,
     /// The last job that is over.
     over: Option<(u64, Outcome)>,
-    /// What a program has switched that was held and left for lines that are typed in; until it is taken up or
-    /// given up.
-    aside: Option<MachineFunctions>,
+    aside: Aside,
 
     executor: Executor<N>,
     /// By coordinate: in which cycle its continuous jog ends unless it is renewed.
@@ -375,7 +374,7 @@ impl<const N: usize> Controller<N> {
             stays_on: false,
             job: Some(Job::ONLY),
             over: None,
-            aside: None,
+            aside: Aside::None,
             planned: executor.setpoint(),
             shaping: Shaping::new(&layout.shaper, period, executor.setpoint()),
             executor,

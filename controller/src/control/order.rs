@@ -1,7 +1,9 @@
 //! What the session, or the program's feeder, orders.
 
 use super::state::{NotNow, Request};
-use super::{Controller, Event, Goal, Hold, Job, JobKind, State, StopPoint, ZeroOverrides};
+use super::{
+    Controller, Event, Goal, Hold, HomingFailure, Job, JobKind, State, StopPoint, ZeroOverrides,
+};
 use crate::machine::COORDINATES;
 use std::mem::take;
 use syncline_gcode::AxisLetter;
@@ -196,7 +198,23 @@ impl<const N: usize> Controller<N> {
         if let Some(overrides) = self.rests_for_speed().filter(|_| goes_on) {
             return Err(Refusal::NoSpeed(overrides));
         }
+        let overrides = self.zero_overrides();
+        if overrides.feed && matches!(order, Order::Retrace) {
+            return Err(Refusal::NoSpeed(ZeroOverrides {
+                rapid: false,
+                ..overrides
+            }));
+        }
+        if overrides.rapid && matches!(order, Order::Home(_)) {
+            return Err(Refusal::NoSpeed(ZeroOverrides {
+                feed: false,
+                ..overrides
+            }));
+        }
         match order {
+            Order::FeedHold | Order::ToggleFeedHold if state == State::Homing => {
+                self.interrupt_homing(HomingFailure::Held);
+            }
             Order::Begin(lines) if state == State::Held => self.begin_beside(lines)?,
             Order::Begin(job) => self.begin(job),
             Order::TakeUp(job) => self.take_up(job)?,
@@ -307,8 +325,8 @@ impl<const N: usize> Controller<N> {
     /// Whether an order sets something in motion that rests.
     fn moves(&self, order: Order<N>) -> bool {
         match order {
-            Order::Begin(_)
-            | Order::TakeUp(_)
+            Order::Begin(job) => !job.is_still,
+            Order::TakeUp(_)
             | Order::CycleStart
             | Order::Resume
             | Order::Retrace

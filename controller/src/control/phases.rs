@@ -4,6 +4,7 @@ use super::InputWait;
 use super::axis::AxisControl;
 use super::beside_path::BesidePath;
 use super::fault::{AwaitedState, DeviceCause, DeviceIndex, Fault};
+use super::job::Aside;
 use super::{
     COMMAND_CYCLES, Controller, DeviceNode, End, Event, Goal, Hold, NO_PLAN, Outcome, Pause, Phase,
     STILL, STILL_CYCLES, StopPoint, whole_nanos,
@@ -182,7 +183,7 @@ impl<const N: usize> Controller<N> {
     /// Enters a phase: what it sends or asks once.
     pub(super) fn enter(&mut self, phase: Phase, out: &mut [Outbox]) {
         self.phase = phase;
-        self.aside = None;
+        self.aside = Aside::None;
         self.phase_cycle = self.cycle;
         self.acted = false;
         self.tell(Event::Phase(phase));
@@ -549,7 +550,7 @@ impl<const N: usize> Controller<N> {
         self.executor.restart(position);
         if let Some(job) = self.job {
             // Nothing can have been switched by hand before.
-            self.switches.begin(&self.layout, job.kind, |_| ());
+            self.switches.begin(&self.layout, &job, |_| ());
         }
         self.plan_from_rest();
         self.frozen = true;

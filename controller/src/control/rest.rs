@@ -211,10 +211,17 @@ impl<const N: usize> Controller<N> {
     pub(super) fn waits_for(&self) -> Option<Waiting> {
         let at_work = self.job.is_some() && self.phase == Phase::Program;
         let moves = self.planned.velocity.iter().any(|by| *by != 0.0);
+        let overrides = self.zero_overrides();
+        // Jogged, or on the way back to the path.
+        if self.phase == Phase::Program && overrides.rapid && !moves && self.executor.is_jogged() {
+            return Some(Waiting::Override(ZeroOverrides {
+                feed: false,
+                ..overrides
+            }));
+        }
         if !at_work || moves || self.pause_told || self.homing.is_active() {
             return None;
         }
-        let overrides = self.zero_overrides();
         if self.probing.is_active() {
             return match overrides.feed || overrides.rapid {
                 _ if self.probing.is_paused() => None,
@@ -291,7 +298,7 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    fn zero_overrides(&self) -> ZeroOverrides {
+    pub(super) fn zero_overrides(&self) -> ZeroOverrides {
         let set = self.executor.overrides();
         ZeroOverrides {
             feed: set.feed == 0.0,

@@ -47,7 +47,7 @@ pub enum Request {
     Home,
     /// Move axes by jogs, or to a position.
     Jog,
-    /// Rest on the path.
+    /// Rest on the path; a homing ends by it.
     FeedHold,
     /// Go on, or change how the job at work goes on: resume, cycle start, retrace.
     GoOn,
@@ -91,7 +91,7 @@ impl State {
             Request::Begin | Request::Home => matches!(self, Ready),
             Request::TypedLines => matches!(self, Ready | Held),
             Request::Jog | Request::Switch => matches!(self, Ready | Jogging | Held),
-            Request::FeedHold => matches!(self, Jogging | Mdi | Running | Held),
+            Request::FeedHold => matches!(self, Homing | Jogging | Mdi | Running | Held),
             Request::GoOn => matches!(self, Mdi | Running | Held),
             Request::Enable => matches!(self, Disabled),
             Request::Disable => {
@@ -112,7 +112,7 @@ impl State {
             Self::Off => "start the command again",
             Self::Starting => "wait until the machine is ready",
             Self::Ready => "run a program, type a line, home, jog or go to a position",
-            Self::Homing => "wait until the axes are homed, or stop",
+            Self::Homing => "wait until the axes are homed; feed hold or stop ends that",
             Self::Jogging => "feed hold stops the axes",
             Self::Mdi | Self::Running => "feed hold rests on the path, stop ends the job",
             Self::Held => "resume or cycle start goes on, stop ends the job",

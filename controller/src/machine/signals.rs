@@ -66,6 +66,12 @@ impl InputMeaning {
     pub fn is_probed(self) -> bool {
         matches!(self, Self::Probe | Self::ToolSetter)
     }
+
+    /// Whether it holds the path, and nothing begins to move while it is on: a door that is open, or a feed hold.
+    #[must_use]
+    pub fn holds(self) -> bool {
+        matches!(self, Self::Door | Self::FeedHold)
+    }
 }
 
 /// A digital output of a drive or of an I/O node, and what the machine uses it for.

@@ -62,9 +62,9 @@ impl Switched {
             coolant: running(functions.coolant),
             tool: functions.tool,
             digital_outputs: (0..DIGITAL_OUTPUTS)
-                .filter(|number| functions.digital >> number & 1 == 1)
+                .filter(|number| functions.outputs.digital >> number & 1 == 1)
                 .collect(),
-            analog_outputs: functions.analog,
+            analog_outputs: functions.outputs.analog,
         });
     }
 }

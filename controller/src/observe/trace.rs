@@ -7,7 +7,7 @@ use crate::control::{MachineFunctions, MeasuredSample, SpindleSample};
 use crate::machine::Machine;
 use std::fmt::Write as _;
 use std::io::{self, Write};
-use syncline_gcode::ANALOG_OUTPUTS;
+use syncline_gcode::{ANALOG_OUTPUTS, Outputs};
 
 /// What takes a trace, each row in one call.
 pub type Sink = Box<dyn Write + Send>;
@@ -131,8 +131,7 @@ pub(super) fn write_switched(text: &mut String, functions: &MachineFunctions) {
         spindle,
         coolant,
         tool,
-        digital,
-        analog,
+        outputs: Outputs { digital, analog },
         ..
     } = functions;
     let (spindle, coolant) = (turning(*spindle), running(*coolant));

@@ -32,9 +32,10 @@ pub use setting::Setting;
 pub use threads::NoThread;
 pub use timetable::Timetable;
 
-use crate::control::Signal;
+use crate::control::{Job, Signal};
 use crate::machine::{
-    AnalogSource, COORDINATES, InputMeaning, Machine, PathTolerances, Position, SpinUp,
+    AnalogSource, COORDINATES, InputMeaning, Machine, OutputSwitch, PathTolerances, Position,
+    SpinUp,
 };
 use feed::counted_length;
 use moves::{Mixed, MoveSource};
@@ -333,6 +334,17 @@ impl Programs {
                 at: homing.final_position(),
                 unnamed: !homing.is_absolute() && !homing.is_by_hand(),
             });
+        }
+        // As they are where nothing is at work.
+        for output in &machine.outputs {
+            if let OutputSwitch::Program(number) = output.switch {
+                setup.outputs.put(number, output.safe);
+            }
+        }
+        for output in &machine.analog_outputs {
+            if let AnalogSource::Program(number) = output.source {
+                setup.outputs.analog[usize::from(number)] = output.safe;
+            }
         }
         setup.names = Arc::new(gcode::MachineNames::new(
             signals(machine).map(|(name, _)| name),
@@ -684,6 +696,26 @@ impl Program {
         Some((homed, rests.then(|| interpreter.tables().clone())))
     }
 
+    /// Whether it moves no axis of a machine that stands `here`, and turns no spindle.
+    #[must_use]
+    pub fn is_still(&self, here: &Position) -> bool {
+        let Ok((mut interpreter, _)) = self.interpret(*here) else {
+            // What is wrong with it is told by who runs it.
+            return true;
+        };
+        while let Some(Ok(command)) = interpreter.next() {
+            let is_still = match &command.action {
+                Action::Spindle(spindle) => *spindle == spindle.stopped(),
+                Action::Home { .. } | Action::Probe { .. } | Action::Tap { .. } => false,
+                action => action.leads_to().is_none_or(|to| to.0 == *here),
+            };
+            if !is_still {
+                return false;
+            }
+        }
+        !interpreter.awaits_machine()
+    }
+
     /// Of the axes that are `asked` about those that it leaves where they are, at a machine that stands `here`, and for
     /// which it does the same wherever that is.
     #[must_use]
@@ -725,6 +757,28 @@ impl Program {
         let knows = !one.awaits_machine() && !other.awaits_machine();
         let leaves = one.tables() == other.tables() && one.memory() == other.memory();
         knows.then_some(leaves)
+    }
+
+    /// As the one job that a machine is switched on for.
+    #[must_use]
+    pub fn only_job(&self) -> Job {
+        Job {
+            is_entered: self.is_entered(),
+            waits_for_input: self.streams(),
+            homes_first: self.homes_first(),
+            ..Job::ONLY
+        }
+    }
+
+    /// Whether it begins in its middle.
+    #[must_use]
+    pub fn is_entered(&self) -> bool {
+        self.entered.is_some()
+    }
+
+    /// Has the program begin with outputs that are like this.
+    pub fn begin_with(&mut self, outputs: gcode::Outputs) {
+        self.setup.outputs = outputs;
     }
 
     /// Whether somebody said that nobody wants the program any more.

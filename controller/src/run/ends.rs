@@ -110,6 +110,7 @@ mod tests {
     use crate::control::{Job, Refusal};
     use crate::machine::Machine;
     use std::path::Path;
+    use syncline_gcode::Outputs;
 
     /// Whatever was handed over, and began or did not: what comes before a job that is over, and that itself, is wanted no more,
     /// and what comes behind it still is.
@@ -158,7 +159,11 @@ mod tests {
                         cycle,
                         refusal: Refusal::DoorOpen,
                     },
-                    false => CycleReport::Obeyed { number, cycle },
+                    false => CycleReport::Obeyed {
+                        number,
+                        cycle,
+                        outputs: Outputs::default(),
+                    },
                 });
                 // An order of another kind drops none.
                 jobs.reported(&CycleReport::Refused {

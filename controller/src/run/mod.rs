@@ -25,7 +25,7 @@ use crate::port::PortError;
 use crate::program::{Left, Program, ProgramError, Upcoming};
 use std::collections::VecDeque;
 use syncline_drives::twin::Observation;
-use syncline_gcode::TablesError;
+use syncline_gcode::{Outputs, TablesError};
 
 /// What the cycle reports.
 #[derive(Debug)]
@@ -37,6 +37,8 @@ pub enum CycleReport {
         number: u64,
         /// The controller's cycle.
         cycle: u64,
+        /// The outputs of the job at work, as far as M-codes switch them.
+        outputs: Outputs,
     },
     /// Something worth a line in the log.
     Event(Event),
@@ -149,7 +151,11 @@ impl Orders {
         let cycle = controller.cycle();
         for (number, order) in self.0.drain(..) {
             report(match controller.obey(order) {
-                Ok(()) => CycleReport::Obeyed { number, cycle },
+                Ok(()) => CycleReport::Obeyed {
+                    number,
+                    cycle,
+                    outputs: controller.outputs(),
+                },
                 Err(refusal) => CycleReport::Refused {
                     number,
                     cycle,

@@ -345,7 +345,12 @@ impl Cycle {
             }
         }
         if let Some(number) = last {
-            self.report(CycleReport::Obeyed { number, cycle });
+            let outputs = self.driver.controller.outputs();
+            self.report(CycleReport::Obeyed {
+                number,
+                cycle,
+                outputs,
+            });
         }
     }
 
@@ -504,10 +509,7 @@ impl RealTime {
         started: impl FnOnce(&Granted) + Send + 'static,
     ) -> io::Result<(Self, Moves)> {
         let (mut cycle, handle, queues) = Cycle::new(layout, world, ports, timing);
-        if program.streams() {
-            cycle.driver.controller.wait_for_input();
-        }
-        (cycle.driver.controller).home_first(program.homes_first());
+        cycle.driver.controller.works_on(program.only_job());
         let (upcoming, moves) = Moves::new();
         let mut machine = Self::of(handle, queues)?;
         machine.prepare(Work {

@@ -98,7 +98,7 @@ impl<P: Port> VirtualMachine<P> {
     ) -> (Self, Moves) {
         let (upcoming, moves) = Moves::new();
         let mut machine = Self::with(world, ports, layout, frames);
-        machine.driver.controller.home_first(program.homes_first());
+        machine.driver.controller.works_on(program.only_job());
         if let Some(samples) = program.samples() {
             machine.driver.controller.go_along(Arc::clone(samples));
         }

@@ -1,8 +1,8 @@
 //! What an operator asks of the machine: by a key, by a line of an events file, from a panel.
 
 use super::settings::{Override, StepChange, SwitchChange};
-use crate::control::{self, Order};
-use crate::machine::COORDINATES;
+use crate::control::{self, Layout, Order};
+use crate::machine::{COORDINATES, OutputSwitch};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use syncline_gcode::AxisLetter;
@@ -12,7 +12,8 @@ use syncline_trajectory::path;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Command {
-    /// Ends a program stop or a tool change; without a job runs the program that is loaded.
+    /// Ends a program stop or a tool change; without a job runs the program that is loaded, unless one was interrupted: then it
+    /// has to be said whether that goes on ([`Resume`](Self::Resume)) or begins anew ([`Run`](Self::Run)).
     CycleStart,
     /// Rests on the path.
     FeedHold,
@@ -138,6 +139,12 @@ pub enum Refusal {
     /// There is nothing to run.
     #[error("no program is loaded: load one first")]
     NoProgram,
+    /// A program was interrupted, and it was not said from where to go on.
+    #[error("a program was interrupted: resume takes up line {line}, run begins it anew")]
+    Interrupted {
+        /// The line of the block with which it can be resumed.
+        line: u32,
+    },
     /// The program cannot be opened.
     #[error("cannot read {}: {why}", .file.display())]
     Unreadable {
@@ -174,6 +181,24 @@ pub enum Refusal {
         "no tool is in the spindle: load one with T and M6, or say which one is there by M61 Q"
     )]
     NoTool,
+}
+
+/// The place of an output that may be switched by hand.
+pub(super) fn by_hand(layout: &Layout, name: &str) -> Result<usize, Refusal> {
+    let outputs = &layout.outputs;
+    let Some(place) = outputs.iter().position(|output| output.name == name) else {
+        return Err(Refusal::NoSuchOutput {
+            name: name.to_owned(),
+            outputs: outputs.iter().map(|output| output.name.clone()).collect(),
+        });
+    };
+    match outputs[place].switch {
+        OutputSwitch::Spindle | OutputSwitch::SpindleReverse => {
+            Err(Refusal::OutputOfSpindle(name.to_owned()))
+        }
+        OutputSwitch::EnableChain => Err(Refusal::OutputOfEnableChain(name.to_owned())),
+        OutputSwitch::Program(_) | OutputSwitch::Mist | OutputSwitch::Flood => Ok(place),
+    }
 }
 
 /// The outputs that there are, for who named another one.

@@ -73,6 +73,11 @@ impl Job {
         self.rests_for = None;
     }
 
+    /// Something of it has been done.
+    pub(super) fn has_moved(&self) -> bool {
+        self.has_moved || self.rested || self.behind.is_some()
+    }
+
     /// The line of the block that the path rests for.
     pub(super) fn rests_for(&self) -> Option<u32> {
         self.rests_for

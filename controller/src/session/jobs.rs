@@ -14,7 +14,7 @@ use crate::program::{Interrupted, Left, ModalState, Moves, Program, Programs, Se
 use crate::run::Work;
 use std::fs::File;
 use std::path::{Path, PathBuf};
-use syncline_gcode::{AxisSet, InEffect, Memory, Modes, Place, WorkCoordinates};
+use syncline_gcode::{AxisSet, InEffect, Memory, Modes, Outputs, Place, WorkCoordinates};
 
 /// See the module.
 pub(super) struct Jobs {
@@ -22,6 +22,8 @@ pub(super) struct Jobs {
     loaded: Option<PathBuf>,
     /// The inputs that limit switches are wired to.
     limit_switches: Vec<usize>,
+    /// Those with which nothing begins to move while they are on.
+    holding: Vec<usize>,
     /// How many there were.
     count: u64,
     /// The one that was handed to the timeline and is not over.
@@ -42,12 +44,18 @@ struct AtWork {
     is_beside: bool,
     /// What it takes the place of, until it has begun.
     before: Option<Box<AtWork>>,
-    /// What it resumes: if it cannot begin, that can be tried once more.
-    resumes: Option<Interrupted>,
+    /// It resumes the program that was interrupted.
+    resumes: bool,
+    /// What was interrupted before it, which can be resumed still if this one does not begin.
+    interrupted: Option<Interrupted>,
+    /// What lines that are typed in began with before it took up what rested.
+    hold: (Option<ModalState>, Option<Memory>),
     /// The cycle has begun it.
     has_begun: bool,
     /// It is over, and what it has left is not known yet.
     is_over: bool,
+    /// Something of it has been done.
+    has_moved: bool,
     /// What was switched off since then.
     switched_off: Vec<Switch>,
 }
@@ -71,6 +79,10 @@ impl Jobs {
             loaded: None,
             limit_switches: (axes.flat_map(|axis| axis.limit_inputs.iter().flatten()))
                 .copied()
+                .collect(),
+            holding: (layout.inputs.iter().enumerate())
+                .filter(|(_, input)| input.meaning.holds())
+                .map(|(index, _)| index)
                 .collect(),
             count: 0,
             at_work: None,
@@ -152,9 +164,7 @@ impl Jobs {
     /// Whether it matters which axes a job homes before it moves them: of a machine with one that is not referenced, or
     /// that stands on a limit switch, which a homing may lead off.
     fn asks_for_homing(&self, status: &Status) -> bool {
-        let mut switches = self.limit_switches.iter();
-        let is_on = |input: &usize| status.inputs.get(*input).is_some_and(|on| *on);
-        !status.referenced.iter().all(|it| *it) || switches.any(is_on)
+        !status.referenced.iter().all(|it| *it) || is_any_on(&self.limit_switches, status)
     }
 
     /// Whether a command resumes the program that was interrupted, in the state that is shown.
@@ -175,21 +185,24 @@ impl Jobs {
         &mut self,
         command: &Command,
         status: &Status,
+        now: InEffect,
         held: Resumable,
     ) -> Result<Option<Begin>, Refusal> {
         let tool = status.tool;
+        let resumes = self.resumes(command, status.state);
         let (kind, program) = match (command, &self.interrupted) {
-            (_, Some(interrupted)) if self.resumes(command, status.state) => {
-                let now = InEffect {
-                    tool,
-                    spindle: status.spindle,
-                    coolant: status.coolant,
-                };
+            (_, Some(interrupted)) if resumes => {
                 let program = interrupted.resume(&self.programs, now);
                 (JobKind::Program, program)
             }
-            (Command::CycleStart, _) => (JobKind::Program, self.run(None)?),
-            (Command::Run { from_line }, _) => (JobKind::Program, self.run(*from_line)?),
+            // From where it would begin, nobody has said.
+            (Command::CycleStart, Some(interrupted)) => {
+                return Err(Refusal::Interrupted {
+                    line: interrupted.line(),
+                });
+            }
+            (Command::CycleStart, None) => (JobKind::Program, self.run(None, now)?),
+            (Command::Run { from_line }, _) => (JobKind::Program, self.run(*from_line, now)?),
             (Command::Mdi(lines), _) => (JobKind::Mdi, self.programs.lines(lines)),
             (Command::SetWorkOffset(positions), _) => {
                 let setting = Setting::WorkOffset(named(positions)?);
@@ -213,12 +226,17 @@ impl Jobs {
         let job = Job {
             number: self.count,
             kind,
+            is_entered: program.is_entered(),
             waits_for_input: program.streams(),
             homes_first: match self.asks_for_homing(status) {
                 true => program.homes_first(),
                 // No question of it, which would take to read a program up to where it is resumed.
                 false => AxisSet::NONE,
             },
+            // No question of it where everything may move.
+            is_still: kind == JobKind::Mdi
+                && is_any_on(&self.holding, status)
+                && program.is_still(&status.setpoint),
             leaves: match kind {
                 JobKind::Mdi => {
                     program.leaves(&status.setpoint, |axis| !status.referenced[axis.index()])
@@ -231,15 +249,17 @@ impl Jobs {
             _ => Order::Begin(job),
         };
         let (upcoming, moves) = Moves::new();
-        let resumes = self.resumes(command, status.state);
         self.at_work = Some(AtWork {
             job,
             program: program.clone(),
             is_beside,
             before: self.at_work.take().map(Box::new),
-            resumes: self.interrupted.clone().filter(|_| resumes),
+            resumes,
+            interrupted: self.interrupted.clone(),
+            hold: (None, None),
             has_begun: false,
             is_over: false,
+            has_moved: false,
             switched_off: Vec::new(),
         });
         Ok(Some(Begin {
@@ -268,9 +288,11 @@ impl Jobs {
         }
     }
 
-    fn run(&self, from_line: Option<u32>) -> Result<Program, Refusal> {
+    /// The program that is loaded. In its middle it begins with the outputs as they are `now`.
+    fn run(&self, from_line: Option<u32>, now: InEffect) -> Result<Program, Refusal> {
         let file = self.loaded.as_ref().ok_or(Refusal::NoProgram)?;
-        let program = self.programs.file(file).from_line(from_line);
+        let mut program = self.programs.file(file).from_line(from_line);
+        program.begin_with(now.outputs);
         Ok(program.wait_at_the_line())
     }
 
@@ -281,12 +303,13 @@ impl Jobs {
         }
     }
 
-    /// The job has begun. A program that was held for it is to be resumed there, in this line, with what is in effect there;
-    /// one that begins is the one that can be resumed.
+    /// The job has begun, with these outputs. A program that was held for it is to be resumed there, in this line, with what is
+    /// in effect there; one that begins is the one that can be resumed.
     pub(super) fn begun(
         &mut self,
         number: u64,
         (held, in_effect): (Resumable, Option<ModalState>),
+        outputs: Outputs,
         line: u32,
         tool: u32,
     ) {
@@ -296,8 +319,12 @@ impl Jobs {
         it.has_begun = true;
         let (kind, is_beside) = (it.job.kind, it.is_beside);
         let before = it.before.take();
+        if !it.job.is_entered {
+            it.program.begin_with(outputs);
+        }
         if kind == JobKind::Program {
             self.interrupted = None;
+            it.hold = (self.aside.take(), self.beside.take());
         } else if let Some(before) = before
             && let Some((start, place)) = held
         {
@@ -323,9 +350,14 @@ impl Jobs {
                 self.beside = Some(left.memory);
             }
             (Some(left), ..) => self.programs.take_over(left),
-            (None, JobKind::Program, _) => {
+            (None, JobKind::Program, outcome) => {
                 self.programs.forget(tool);
-                self.interrupted = self.interrupted.take().or(it.resumes);
+                let is_left = outcome == Outcome::Broken && !it.has_moved;
+                if is_left {
+                    (self.aside, self.beside) = it.hold;
+                }
+                let before = it.interrupted.filter(|_| it.resumes || is_left);
+                self.interrupted = self.interrupted.take().or(before);
             }
             // Lines that are wrong were not begun.
             (None, JobKind::Mdi, Outcome::Broken) => {}
@@ -356,16 +388,29 @@ impl Jobs {
     }
 
     /// The job with this number is over in the cycle. A program that was stopped can be resumed there, in this line.
-    pub(super) fn ended(&mut self, number: u64, outcome: Outcome, at: Resumable, line: u32) {
+    pub(super) fn ended(
+        &mut self,
+        number: u64,
+        outcome: Outcome,
+        at: Resumable,
+        line: u32,
+        has_moved: bool,
+    ) {
         let Some(it) = self.at_work.as_mut().filter(|it| it.job.number == number) else {
             return;
         };
-        it.is_over = true;
+        (it.is_over, it.has_moved) = (true, has_moved);
         let resumable = outcome == Outcome::Stopped && it.job.kind == JobKind::Program;
         if let Some((start, place)) = at.filter(|_| resumable) {
             self.interrupted = Some(Interrupted::new(&it.program, start, place, line));
         }
     }
+}
+
+/// Whether one of these inputs is on.
+fn is_any_on(inputs: &[usize], status: &Status) -> bool {
+    let mut inputs = inputs.iter();
+    inputs.any(|&input| status.inputs.get(input).is_some_and(|on| *on))
 }
 
 /// Positions of axes that an operator named.

@@ -39,12 +39,13 @@ pub use settings::{LEAST, MOST_FEED, MOST_RAPID, Override, Settings, StepChange,
 pub use status::{Squareness, Status, StatusView, Stopped};
 
 use crate::control::{self, Fault, Layout, NotNow, Order, Outcome, Request, Row, State, Switch};
-use crate::machine::{COORDINATES, OutputSwitch};
+use crate::machine::COORDINATES;
 use crate::observe::flight_recorder::FlightRecorder;
 use crate::observe::{Observed, Observers};
 use crate::program::{Moves, Programs};
 use crate::run::{CycleReport, Progress, RunError, Timeline};
 use channel::{Inlet, Issued, Outlets};
+use command::by_hand;
 use job::Job;
 use jobs::{Begin, Jobs, Resumable};
 use remaining::Remaining;
@@ -52,7 +53,7 @@ use std::collections::VecDeque;
 use std::path::Path;
 use std::sync::Arc;
 use syncline_drives::model::PowerState;
-use syncline_gcode::{Coolant, Point, Turning};
+use syncline_gcode::{Coolant, Outputs, Point, Turning};
 
 /// A machine, its job, its operators and all who watch, on a [`Timeline`].
 pub struct Session<T> {
@@ -92,6 +93,8 @@ struct Desk {
     user_call: Option<u32>,
     /// How long programs still take, if somebody wants to know.
     remaining: Option<Remaining>,
+    /// As M-codes have made them.
+    outputs: Outputs,
     /// For the words of faults.
     layout: Arc<Layout>,
     /// Coordinates that have an axis.
@@ -180,6 +183,7 @@ impl<T: Timeline> Session<T> {
                 passes_user_codes: true,
                 user_call: None,
                 remaining: None,
+                outputs: Outputs::default(),
                 coordinates: layout.axes.iter().map(|axis| axis.coordinate).collect(),
                 layout: Arc::clone(layout),
             },
@@ -365,7 +369,7 @@ impl Desk {
             return Ok(Asked::Own);
         }
         if let Command::Output { name, on } = command {
-            let (output, on) = (self.output(name)?, *on);
+            let (output, on) = (by_hand(&self.layout, name)?, *on);
             return Ok(Asked::Order(Order::Switch { output, on }));
         }
         if let Command::UserCodeEnded {
@@ -385,7 +389,8 @@ impl Desk {
             return Ok(order.map_or(Asked::Own, Asked::Order));
         };
         let held = self.job.place(Some(&self.status.setpoint));
-        if begins && let Some(begin) = jobs.begin(command, &self.status, held)? {
+        let now = self.status.in_effect(&self.layout, self.outputs);
+        if begins && let Some(begin) = jobs.begin(command, &self.status, now, held)? {
             return Ok(Asked::Begin(Box::new(begin)));
         }
         match command {
@@ -404,24 +409,6 @@ impl Desk {
                 let order = self.settings.order(command);
                 Ok(order.map_or(Asked::Own, Asked::Order))
             }
-        }
-    }
-
-    /// The place of an output that may be switched by hand.
-    fn output(&self, name: &str) -> Result<usize, Refusal> {
-        let outputs = &self.layout.outputs;
-        let Some(place) = outputs.iter().position(|output| output.name == name) else {
-            return Err(Refusal::NoSuchOutput {
-                name: name.to_owned(),
-                outputs: outputs.iter().map(|output| output.name.clone()).collect(),
-            });
-        };
-        match outputs[place].switch {
-            OutputSwitch::Spindle | OutputSwitch::SpindleReverse => {
-                Err(Refusal::OutputOfSpindle(name.to_owned()))
-            }
-            OutputSwitch::EnableChain => Err(Refusal::OutputOfEnableChain(name.to_owned())),
-            OutputSwitch::Program(_) | OutputSwitch::Mist | OutputSwitch::Flood => Ok(place),
         }
     }
 
@@ -475,7 +462,7 @@ impl Desk {
         } = self.status;
         let held = (self.job.place(Some(&setpoint)), self.job.modal.take());
         if let Some(jobs) = &mut self.jobs {
-            jobs.begun(number, held, line, tool);
+            jobs.begun(number, held, self.outputs, line, tool);
         }
         self.job = Job::new(number, moves);
         self.status.typed = match command {
@@ -494,7 +481,8 @@ impl Desk {
         }
         let left = self.left.take().or_else(|| self.job.place(None));
         if let Some(jobs) = &mut self.jobs {
-            jobs.ended(number, outcome, left, self.status.line);
+            let moved = self.job.has_moved();
+            jobs.ended(number, outcome, left, self.status.line, moved);
         }
         self.job.end();
         self.forget_remaining();
@@ -542,7 +530,12 @@ impl Desk {
 
     fn take(&mut self, report: CycleReport) {
         match report {
-            CycleReport::Obeyed { number, cycle } => {
+            CycleReport::Obeyed {
+                number,
+                cycle,
+                outputs,
+            } => {
+                self.outputs = outputs;
                 self.accept_before(number + 1, cycle);
                 self.accept_own();
                 // A job that has begun may be held in the very same cycle.
@@ -672,14 +665,11 @@ impl Desk {
             moves: &self.job.moves,
             tags: self.job.tags.as_ref(),
         });
-        if self.status.tool != row.functions.tool {
-            let programs = self.jobs.as_ref().map(Jobs::programs);
-            let tool = programs.and_then(|programs| programs.tool(row.functions.tool));
-            self.status.tool_name = tool.map_or_else(String::new, |tool| tool.name.clone());
-        }
+        self.show_tool(row.functions.tool);
         if let Some(recorder) = &mut self.recorder {
             recorder.observe(row, self.state, self.job.line);
         }
+        self.outputs = row.functions.outputs;
         let motion = self.job.moves.motion(row.plan.tag);
         let ahead = motion.filter(|_| row.plan.busy && !row.plan.off_path);
         let target = ahead.map_or(row.plan.position, |motion| motion.curve().end());
@@ -689,7 +679,6 @@ impl Desk {
             remaining,
             time: Some(time),
             target,
-            tool: row.functions.tool,
             spindle_actual: row.spindle,
             measured: row.measured,
             feed: Some(row.plan.feed).filter(|feed| feed.is_finite()),
@@ -714,8 +703,17 @@ impl Desk {
                     self.outlets.tell(Event::Message { line, text });
                 }
             }
-            // Its name comes with it.
-            Switch::Tool(_) | Switch::Output(_) => {}
+            Switch::Tool(tool) => self.show_tool(tool),
+            Switch::Output(_) => {}
+        }
+    }
+
+    /// Shows the tool in the spindle, with its name.
+    fn show_tool(&mut self, tool: u32) {
+        if std::mem::replace(&mut self.status.tool, tool) != tool {
+            let programs = self.jobs.as_ref().map(Jobs::programs);
+            let tool = programs.and_then(|programs| programs.tool(tool));
+            self.status.tool_name = tool.map_or_else(String::new, |tool| tool.name.clone());
         }
     }
 

@@ -1,13 +1,13 @@
 //! How things are: one snapshot, replaced at most once a cycle.
 
 use super::Settings;
-use crate::control::{MeasuredSample, Phase, SpindleSample, State, Waiting};
-use crate::machine::{COORDINATES, MEASURED};
+use crate::control::{Layout, MeasuredSample, Phase, SpindleSample, State, Waiting};
+use crate::machine::{AnalogSource, COORDINATES, MEASURED, OutputSwitch};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use syncline_drives::model::PowerState;
-use syncline_gcode::{Coolant, Point, Spindle, WorkCoordinates};
+use syncline_gcode::{Coolant, InEffect, Outputs, Point, Spindle, WorkCoordinates};
 
 /// How square a gantry is, in the unit of its axis, mm or degrees.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -164,6 +164,32 @@ impl Status {
         WorkCoordinates {
             origin: Point(self.offset),
             rotation: self.rotation,
+        }
+    }
+
+    /// What is in effect of the machine, of which M-codes have made these `outputs` as far as no signals are wired to them.
+    pub(super) fn in_effect(&self, layout: &Layout, mut outputs: Outputs) -> InEffect {
+        let mut coolant = self.coolant;
+        for (output, &on) in layout.outputs.iter().zip(&self.outputs) {
+            match output.switch {
+                OutputSwitch::Program(number) => outputs.put(number, on),
+                OutputSwitch::Mist => coolant.mist = on,
+                OutputSwitch::Flood => coolant.flood = on,
+                OutputSwitch::Spindle
+                | OutputSwitch::SpindleReverse
+                | OutputSwitch::EnableChain => {}
+            }
+        }
+        for (output, &value) in layout.analog_outputs.iter().zip(&self.analog_outputs) {
+            if let AnalogSource::Program(number) = output.source {
+                outputs.analog[usize::from(number)] = value;
+            }
+        }
+        InEffect {
+            tool: self.tool,
+            spindle: self.spindle,
+            coolant,
+            outputs,
         }
     }
 

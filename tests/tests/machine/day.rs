@@ -224,7 +224,7 @@ proptest! {
             }
         }
         let (whole, begun) = (whole.0, begun.0);
-        prop_assert_eq!((begun.digital, begun.analog), (whole.digital, whole.analog));
+        prop_assert_eq!(begun.outputs, whole.outputs);
         prop_assert_eq!(begun.spindle.turning, whole.spindle.turning);
         prop_assert_eq!(begun.coolant, whole.coolant);
     }

@@ -100,7 +100,7 @@ fn set(rig: &mut Rig, input: u8, on: bool) {
 }
 
 /// What the node puts out.
-fn outputs(rig: &mut Rig) -> (u16, [i16; 4]) {
+pub(super) fn outputs(rig: &mut Rig) -> (u16, [i16; 4]) {
     let twin: &mut Twin = rig.twin_as(IO);
     (twin.outputs(), twin.analog_outputs())
 }
@@ -507,7 +507,7 @@ proptest! {
 }
 
 /// The portal with such a node, staying on, and a spindle's output besides.
-fn staying_on() -> Rig {
+pub(super) fn staying_on() -> Rig {
     const TURNS: &str = "\n[[output]]\nname = \"turns\"\nio = \"cabinet\"\nsignal = \"DO3\"\nfunction = \"spindle\"\n\n[machine]\n";
     let wired = WIRED.replace("[machine]\n", TURNS.trim_start());
     let mut rig = Rig::staying_on("portal", &[("[machine]\n", &wired)], |_, _| ());
@@ -516,7 +516,7 @@ fn staying_on() -> Rig {
     rig
 }
 
-fn output(name: &str, on: bool) -> Command {
+pub(super) fn output(name: &str, on: bool) -> Command {
     let name = name.to_owned();
     Command::Output { name, on }
 }
@@ -694,7 +694,7 @@ proptest! {
                         let (was, shown, rows) = &before_row;
                         if *was == now && rig.rows.len() > *rows {
                             let functions = rig.rows[*rows].functions;
-                            let programmed = [1, 2].map(|number| functions.digital >> number & 1 != 0);
+                            let programmed = [1, 2].map(|number| functions.outputs.digital >> number & 1 != 0);
                             prop_assert_eq!(&shown[..2], &programmed);
                         }
                     }

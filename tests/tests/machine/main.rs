@@ -21,6 +21,7 @@ mod described_encoder;
 mod driven_spindle;
 mod dual_loop;
 mod enabling;
+mod entered;
 mod faults;
 mod feed_axes;
 mod feed_per_turn;

@@ -227,17 +227,18 @@ fn an_offset_and_a_tools_length_are_set_where_a_program_stops() {
     );
     assert!(begins.contains("at X110.000 Y100.000 Z-50.000"), "{begins}");
     assert!(
-        begins.contains("on the way there: the spindle, M64 P1"),
+        begins.contains("on the way there: the spindle, M65 P5"),
         "{begins}"
     );
-    let outputs = rig.rows.last().expect("rows").functions.digital;
-    assert_eq!(outputs, 1 << 1, "the program's own again");
+    let digital = |rig: &Rig| rig.rows.last().expect("rows").functions.outputs.digital;
+    assert_eq!(digital(&rig), 1 << 1 | 1 << 5, "nothing is switched");
     for leg in [
         "takes X to 110.000, Y to 100.000",
         "takes Z to -50.000 at 600 mm/min",
     ] {
         start(&mut rig);
         assert!(told(&rig).contains(leg), "{leg}: {}", told(&rig));
+        assert_eq!(digital(&rig), 1 << 1, "the program's own again");
     }
     assert_eq!(rig.session.status().spindle.turning, Turning::Clockwise);
     start(&mut rig);
@@ -364,6 +365,7 @@ fn what_cannot_be_left_or_resumed_says_so() {
     go(&mut rig, Command::CycleStart);
     // A program that was changed is not resumed anywhere; it can be once it is as it was.
     let line = rig.session.status().interrupted;
+    let spindle = rig.session.status().spindle;
     let _ = rig.folder.file(
         "part.ngc",
         &PROGRAM.replace("G1 Z-50", "(one)\n(more)\nG1 Z-50"),
@@ -374,8 +376,8 @@ fn what_cannot_be_left_or_resumed_says_so() {
         problem.contains("does not come to line 7 as it did"),
         "{problem}"
     );
-    assert_eq!(state(&rig), State::Ready);
-    assert_eq!(rig.session.status().spindle.turning, Turning::Off);
+    assert_eq!(state(&rig), State::Held, "it waits on");
+    assert_eq!(rig.session.status().spindle, spindle);
     assert_eq!(rig.session.status().interrupted, line);
     let _ = rig.folder.file("part.ngc", PROGRAM);
     go(&mut rig, Command::Resume);
@@ -409,7 +411,7 @@ fn a_stop_where_lines_are_typed_switches_off() {
     for _ in 0..4 {
         rig.step();
     }
-    assert_eq!(rig.rows.last().expect("rows").functions.digital, 0);
+    assert_eq!(rig.rows.last().expect("rows").functions.outputs.digital, 0);
     assert_eq!(setpoint(&rig), there);
 }
 

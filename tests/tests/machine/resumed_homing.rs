@@ -228,7 +228,7 @@ impl Watch<'_> {
         if !is_stopping && (JOINT..length - JOINT).contains(&along) {
             let outputs = (1u64 << cuts[cut].outputs) - 1;
             assert_eq!(
-                row.functions.digital, outputs,
+                row.functions.outputs.digital, outputs,
                 "outputs in cut {cut}: {text}"
             );
             assert_eq!(
@@ -357,7 +357,7 @@ proptest! {
         // Whatever was switched, and switched again on the way back: the outputs come in their order.
         let mut last = 0;
         for row in &rig.rows {
-            let on = row.functions.digital;
+            let on = row.functions.outputs.digital;
             let count = on.trailing_ones();
             prop_assert_eq!(on, (1u64 << count) - 1, "out of order: {}", part.text);
             last = last.max(count);

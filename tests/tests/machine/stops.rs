@@ -10,7 +10,7 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 use syncline_controller::bench::rig::{Shape, Shuttle, ready_machine};
 use syncline_controller::control::{
-    Controller, End, Event, Fault, Instruction, Order, Pause, State, StopPoint, Switch,
+    Controller, End, Event, Fault, Instruction, Job, Order, Pause, State, StopPoint, Switch,
 };
 use syncline_drives::model::REFERENCE;
 use syncline_gcode::{Coolant, Output, Spindle, Turning};
@@ -614,7 +614,12 @@ fn a_rest_that_somebody_or_something_wants_is_none() {
     assert_eq!(without_plan(Duration::from_secs(29), |_| ()), None);
     let held = without_plan(minute, |it| it.obey(Order::FeedHold).unwrap());
     assert_eq!(held, None);
-    let reads = without_plan(minute, Controller::wait_for_input);
+    let reads = without_plan(minute, |it| {
+        it.works_on(Job {
+            waits_for_input: true,
+            ..Job::ONLY
+        });
+    });
     assert_eq!(reads, None);
     let paused = without_plan(minute, |it| {
         let stop = StopPoint::Pause {

@@ -2,6 +2,7 @@
 
 use super::homing::{self, state, switched_on};
 use proptest::prelude::*;
+use proptest::sample::select;
 use syncline_canopen::CobId;
 use syncline_controller::control::fault::AxisCause;
 use syncline_controller::control::{
@@ -392,16 +393,29 @@ fn a_run_that_homes_does_not_begin_while_a_door_is_open() {
     assert!(rig.rows.iter().all(|row| row.plan.velocity == [0.0; 9]));
 }
 
+/// What ends a homing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum By {
+    Door,
+    HoldInput,
+    FeedHold,
+    Override,
+}
+
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
 
     /// A homing does not wait and go on: it ends at rest, nothing moves while the door is open, and a second one finds
     /// its place.
     #[test]
-    fn a_door_or_a_hold_ends_a_homing(after in 0..2500usize, door: bool, at_start: bool) {
-        let (input, failure) = match door {
-            true => (DOOR, HomingFailure::DoorOpen),
-            false => (HOLD_OF_HOMED, HomingFailure::FeedHold),
+    fn a_door_or_a_hold_ends_a_homing(
+        after in 0..2500usize, by in select(vec![By::Door, By::HoldInput, By::FeedHold, By::Override]), at_start: bool,
+    ) {
+        let (input, failure) = match by {
+            By::Door => (Some(DOOR), HomingFailure::DoorOpen),
+            By::HoldInput => (Some(HOLD_OF_HOMED), HomingFailure::FeedHold),
+            By::FeedHold => (None, HomingFailure::Held),
+            By::Override => (None, HomingFailure::NoSpeed),
         };
         let program = "G0 X20 Y30 Z-5\nM2\n";
         let mut rig = match at_start {
@@ -416,7 +430,11 @@ proptest! {
             rig.step();
         }
         prop_assume!(state(&rig) == State::Homing);
-        rig.twin(INPUTS).disturb(Disturbance::Input(input, true));
+        match (input, by) {
+            (Some(input), _) => rig.twin(INPUTS).disturb(Disturbance::Input(input, true)),
+            (None, By::Override) => rig.command(Command::RapidOverride(Override::To(0.0))),
+            (None, _) => rig.command(Command::FeedHold),
+        }
         rig.run_until(|rig| rig.events.iter().any(|it| matches!(it, Event::HomingFailed { .. })));
         prop_assert_eq!(homing::failure(&rig), Some(failure));
         if at_start {
@@ -426,9 +444,14 @@ proptest! {
         }
         homing::settle(&mut rig);
         prop_assert_eq!(state(&rig), State::Ready);
-        homing::go(&mut rig, homing::ALL);
-        prop_assert_eq!(rig.refused.len(), 1);
-        rig.twin(INPUTS).disturb(Disturbance::Input(input, false));
+        if by != By::FeedHold {
+            homing::go(&mut rig, homing::ALL);
+            prop_assert_eq!(rig.refused.len(), 1);
+        }
+        rig.command(Command::RapidOverride(Override::To(100.0)));
+        if let Some(input) = input {
+            rig.twin(INPUTS).disturb(Disturbance::Input(input, false));
+        }
         for _ in 0..20 {
             rig.step();
         }

@@ -50,6 +50,8 @@ pub enum HomingFailure {
     DoorOpen,
     /// The input for feed hold came on.
     FeedHold,
+    /// An operator's feed hold.
+    Held,
     /// The drive, which homes by itself, did not find its place.
     NotHome,
     /// The drive, which homes by itself, went further than it may.
@@ -185,9 +187,10 @@ impl HomingFailure {
                 "its switch is on already, and another axis has the same one: move the axes off it"
                     .into()
             }
-            Self::NoSpeed => "the rapid override is 0: raise it".into(),
+            Self::NoSpeed => "the rapid override is 0: raise it, and home it again".into(),
             Self::DoorOpen => "a door is open: close it".into(),
             Self::FeedHold => "the input for feed hold came on: home it again once that is off".into(),
+            Self::Held => "a feed hold ended it: home it again".into(),
             Self::NotHome => "its drive did not find its place by itself: check the switches wired to the drive, the \
                  functions of its inputs, and `method`"
                 .into(),

@@ -262,6 +262,11 @@ impl<const N: usize> Controller<N> {
 
     /// Goes on with a homing by a cycle.
     pub(super) fn step_homing(&mut self) {
+        // What rests for that has not come to its end.
+        let is_on_its_way = self.homing.is_active() && self.executor.is_jogged();
+        if is_on_its_way && self.zero_overrides().rapid {
+            return self.interrupt_homing(HomingFailure::NoSpeed);
+        }
         let outcome = match self.homing.stage {
             Stage::Idle | Stage::Found => Ok(()),
             Stage::Next => self.begin_group(),

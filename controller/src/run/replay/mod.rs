@@ -166,10 +166,7 @@ impl Replay {
     ) -> Result<(Self, Moves), NoReplay> {
         let (upcoming, moves) = Moves::new();
         let mut replay = Self::of(layout, buses, operators, log)?;
-        if program.streams() {
-            replay.state.controller.wait_for_input();
-        }
-        replay.state.controller.home_first(program.homes_first());
+        replay.state.controller.works_on(program.only_job());
         replay.prepare(Work {
             number: 0,
             program,

@@ -1,0 +1,289 @@
+//! Programs that are begun in their middle: until an operator confirms it nothing moves and nothing is switched, and then
+//! outputs are as the program has them there, also those that were switched by hand before it.
+
+use super::day::{go, mdi, settle, state};
+use super::io_nodes::{output, outputs, staying_on};
+use proptest::prelude::*;
+use proptest::sample::select;
+use std::fmt::Write as _;
+use syncline_controller::control::{Event, State};
+use syncline_controller::session::{Command, Jog, Override, Refusal};
+use syncline_drives::twin::{Disturbance, ErrorClass};
+use syncline_gcode::AxisLetter;
+use syncline_tests::rig::Rig;
+
+/// The valve is on, the clamp, which is active low, is off.
+const VALVE: u16 = 0x0002;
+const CLAMP_IS_OFF: u16 = 0x0200;
+
+/// How a program is interrupted.
+#[derive(Clone, Copy, Debug)]
+enum Interruption {
+    Stop,
+    Fault,
+    /// Held, and left for a line that switches something.
+    Lines(&'static str),
+}
+
+/// A program that goes on in steps of 10 mm, with switches before each.
+fn program(switches: &[Vec<(u8, bool)>]) -> String {
+    let mut text = "G21 G90 G61 F3000\nG1 X1\n".to_owned();
+    for (place, switches) in (1..).zip(switches) {
+        for (number, on) in switches {
+            let code = if *on { 64 } else { 65 };
+            let _ = writeln!(text, "M{code} P{number}");
+        }
+        let _ = writeln!(text, "G1 X{}", 10 * place);
+    }
+    text + "G1 X0\nM2\n"
+}
+
+/// The valve and the clamp as the program has them in a line.
+fn programmed(text: &str, line: u32, by_hand: [Option<bool>; 2]) -> [bool; 2] {
+    let mut on = by_hand.map(|on| on.unwrap_or(false));
+    for block in text.lines().take(line as usize - 1) {
+        for (number, on) in (1..).zip(&mut on) {
+            if block == format!("M64 P{number}") {
+                *on = true;
+            } else if block == format!("M65 P{number}") {
+                *on = false;
+            }
+        }
+    }
+    on
+}
+
+fn digital([valve, clamp]: [bool; 2]) -> u16 {
+    u16::from(valve) * VALVE + u16::from(!clamp) * CLAMP_IS_OFF
+}
+
+/// Until the path goes on in a line.
+fn run_to(rig: &mut Rig, line: u32) {
+    rig.run_until(|rig| {
+        let row = rig.rows.last();
+        let moves = row.is_some_and(|row| row.plan.speed > 0.0 && !row.plan.off_path);
+        (moves && rig.session.status().line == line) || state(rig) == State::Ready
+    });
+}
+
+fn switches() -> impl Strategy<Value = Vec<Vec<(u8, bool)>>> {
+    let one = (1u8..=2, any::<bool>());
+    prop::collection::vec(prop::collection::vec(one, 0..3), 3..6)
+}
+
+fn interruption() -> impl Strategy<Value = Interruption> {
+    select(vec![
+        Interruption::Stop,
+        Interruption::Fault,
+        Interruption::Lines("M64 P2"),
+        Interruption::Lines("M65 P2\nM64 P1"),
+        Interruption::Lines("G91 G1 Y5"),
+    ])
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { max_shrink_iters: 40, ..ProptestConfig::with_cases(10) })]
+
+    /// The way back to a program switches nothing before cycle start, and then what the program has there, whatever was
+    /// closed by hand before it began.
+    #[test]
+    fn a_program_that_is_resumed_has_the_outputs_that_it_had(
+        by_hand in prop::array::uniform2(prop::option::of(any::<bool>())),
+        switches in switches(), interruption in interruption(), share in 0.05..0.95f64,
+    ) {
+        let mut rig = staying_on();
+        rig.goes_on = false;
+        for (name, on) in ["valve", "clamp"].into_iter().zip(by_hand) {
+            if let Some(on) = on {
+                go(&mut rig, output(name, on));
+            }
+        }
+        let text = program(&switches);
+        let file = rig.folder.file("part.ngc", &text);
+        rig.command(Command::Load(file));
+        rig.command(Command::Run { from_line: None });
+        let there = share * 10.0 * switches.len() as f64;
+        rig.run_until(|rig| rig.session.status().setpoint[0] > there);
+        match interruption {
+            Interruption::Stop => go(&mut rig, Command::Stop),
+            Interruption::Fault => {
+                rig.twin(2).disturb(Disturbance::Fault(ErrorClass::StopAndSwitchOff));
+                settle(&mut rig);
+                go(&mut rig, Command::Reset);
+            }
+            Interruption::Lines(lines) => {
+                go(&mut rig, Command::FeedHold);
+                mdi(&mut rig, lines);
+            }
+        }
+        let line = rig.session.status().interrupted;
+        let line = line.ok_or_else(|| TestCaseError::fail(format!("{:?}", rig.events)))?;
+        let before = outputs(&mut rig).0;
+        let position = rig.session.status().setpoint;
+        go(&mut rig, Command::Resume);
+        prop_assert_eq!(state(&rig), State::Held, "{:?}", rig.problems);
+        prop_assert_eq!(outputs(&mut rig).0, before, "nothing is switched before cycle start");
+        prop_assert_eq!(rig.session.status().setpoint, position);
+        let expected = digital(programmed(&text, line, by_hand));
+        // What goes off is listed as well.
+        let told = rig.messages.last().map(|(_, told)| told.clone()).unwrap_or_default();
+        for (number, bit) in [(1, VALVE), (2, CLAMP_IS_OFF)] {
+            let changes = (before ^ expected) & bit != 0;
+            prop_assert_eq!(told.contains(&format!(" P{number}")), changes, "{}", told);
+        }
+        let since = rig.events.len();
+        rig.command(Command::CycleStart);
+        run_to(&mut rig, line);
+        prop_assert_eq!(state(&rig), State::Running);
+        prop_assert_eq!(outputs(&mut rig).0, expected);
+        // Each goes there at once, and not by way of another state.
+        let outputs = rig.events[since..].iter().filter(|it| matches!(it, Event::Output { .. }));
+        prop_assert_eq!(outputs.count(), (before ^ expected).count_ones() as usize);
+    }
+
+    /// A program that is begun at a line leaves what it has not switched before as it is, and switches nothing before it is
+    /// confirmed.
+    #[test]
+    fn a_program_that_begins_at_a_line_switches_once_that_is_confirmed(
+        by_hand in prop::array::uniform2(prop::option::of(any::<bool>())),
+        switches in switches(), share in 0.0..1.0f64,
+    ) {
+        let mut rig = staying_on();
+        rig.goes_on = false;
+        for (name, on) in ["valve", "clamp"].into_iter().zip(by_hand) {
+            if let Some(on) = on {
+                go(&mut rig, output(name, on));
+            }
+        }
+        let text = program(&switches);
+        let moves: Vec<_> = (1..).zip(text.lines()).filter(|(_, block)| block.starts_with("G1 X")).collect();
+        let (line, _) = moves[1 + (share * (moves.len() - 2) as f64) as usize];
+        let file = rig.folder.file("part.ngc", &text);
+        rig.command(Command::Load(file));
+        let before = outputs(&mut rig).0;
+        go(&mut rig, Command::Run { from_line: Some(line) });
+        prop_assert_eq!(state(&rig), State::Held, "{:?}", rig.problems);
+        prop_assert_eq!(outputs(&mut rig).0, before);
+        // The clamp is safe where it is on.
+        let as_it_is = [by_hand[0].unwrap_or(false), by_hand[1].unwrap_or(true)];
+        let expected = digital(programmed(&text, line, as_it_is.map(Some)));
+        rig.command(Command::CycleStart);
+        run_to(&mut rig, line);
+        prop_assert_eq!(outputs(&mut rig).0, expected);
+    }
+}
+
+const STOPS: &str = "G21 G90 F3000\nM64 P1\nG1 X10\nM0\nG1 X20\nM2\n";
+
+fn held_at_m0() -> Rig {
+    let mut rig = staying_on();
+    rig.goes_on = false;
+    let file = rig.folder.file("part.ngc", STOPS);
+    rig.command(Command::Load(file));
+    go(&mut rig, Command::Run { from_line: None });
+    assert_eq!(state(&rig), State::Held);
+    rig
+}
+
+/// What cannot be taken up is left as it was: it can still be mended and resumed, and no Enter begins at the first line.
+#[test]
+fn a_program_that_cannot_be_taken_up_stays_where_it_was() {
+    let mut rig = held_at_m0();
+    mdi(&mut rig, "M3 S500");
+    // By the offset the next move is beyond the limits.
+    mdi(&mut rig, "G10 L2 P1 X-9000");
+    let before = outputs(&mut rig).0;
+    for command in [Command::Resume, Command::CycleStart] {
+        go(&mut rig, command);
+        assert_eq!(state(&rig), State::Held, "{:?}", rig.problems);
+        assert_eq!(rig.session.status().interrupted, Some(4));
+        assert_eq!(outputs(&mut rig).0, before, "nothing is switched off");
+        assert!(
+            rig.session.status().modes.contains("S500"),
+            "{}",
+            rig.session.status().modes
+        );
+    }
+    assert_eq!(rig.problems.len(), 2, "{:?}", rig.problems);
+    mdi(&mut rig, "G10 L2 P1 X0");
+    go(&mut rig, Command::Resume);
+    go(&mut rig, Command::CycleStart);
+    assert_eq!(state(&rig), State::Ready, "behind its stop to the end");
+    assert!((rig.session.status().setpoint[0] - 20.0).abs() < 1e-6);
+}
+
+/// Enter does not choose between going on and beginning anew, and a program that is wrong takes nothing from the one before.
+#[test]
+fn cycle_start_chooses_nothing_where_a_program_was_interrupted() {
+    let mut rig = held_at_m0();
+    go(&mut rig, Command::Stop);
+    assert_eq!(rig.session.status().interrupted, Some(4));
+    go(&mut rig, Command::CycleStart);
+    let refused = rig.refused.pop().expect("it is refused").reason;
+    assert!(
+        matches!(refused, Refusal::Interrupted { line: 4 }),
+        "{refused}"
+    );
+    assert_eq!(state(&rig), State::Ready);
+    let _ = rig.folder.file("part.ngc", "G1 X9000 F100\nM2\n");
+    go(&mut rig, Command::Run { from_line: None });
+    assert_eq!(rig.problems.len(), 1);
+    assert_eq!(
+        rig.session.status().interrupted,
+        Some(4),
+        "nothing of the other has begun"
+    );
+    let _ = rig.folder.file("part.ngc", STOPS);
+    go(&mut rig, Command::Resume);
+    assert_eq!(state(&rig), State::Held, "{:?}", rig.problems);
+    go(&mut rig, Command::Stop);
+    go(&mut rig, Command::Run { from_line: None });
+    assert_eq!(state(&rig), State::Held);
+    go(&mut rig, Command::CycleStart);
+    assert_eq!(rig.session.status().interrupted, None);
+    go(&mut rig, Command::CycleStart);
+    assert_eq!(state(&rig), State::Held, "begun, and at M0");
+}
+
+/// A tool change counts once it is confirmed, or once lines are typed for the tool that was loaded.
+#[test]
+fn a_tool_change_that_is_given_up_is_none() {
+    for (typed, tool) in [(None, 1), (Some("G4 P0.01"), 2)] {
+        let mut rig = staying_on();
+        rig.goes_on = false;
+        mdi(&mut rig, "M61 Q1");
+        assert_eq!(rig.session.status().tool, 1);
+        let file = rig
+            .folder
+            .file("part.ngc", "G21 F3000\nG1 X10\nT2 M6\nG1 X20\nM2\n");
+        rig.command(Command::Load(file));
+        go(&mut rig, Command::Run { from_line: None });
+        assert_eq!(rig.session.status().tool, 2, "it is asked for");
+        if let Some(lines) = typed {
+            mdi(&mut rig, lines);
+        }
+        go(&mut rig, Command::Stop);
+        assert_eq!(rig.session.status().tool, tool);
+        let told = Event::ToolNotChanged { asked: 2, tool: 1 };
+        assert_eq!(rig.events.contains(&told), typed.is_none());
+        mdi(&mut rig, "G4 P0.01");
+        assert_eq!(rig.session.status().tool, tool, "typed lines begin with it");
+    }
+}
+
+/// An axis that rests on its way for want of speed says so.
+#[test]
+fn a_rapid_override_of_0_is_told_of_a_jog() {
+    let mut rig = staying_on();
+    rig.command(Command::Jog(Jog::By {
+        axis: AxisLetter::X,
+        distance: 100.0,
+        speed: Some(10.0),
+    }));
+    (0..20).for_each(|_| assert!(rig.step()));
+    rig.command(Command::RapidOverride(Override::To(0.0)));
+    (0..100).for_each(|_| assert!(rig.step()));
+    let waiting = rig.session.status().waiting;
+    let waiting = waiting.map(|it| it.describe(|_| "")).unwrap_or_default();
+    assert_eq!(waiting, "the rapid override is 0: raise it to go on");
+}
