@@ -2,13 +2,13 @@
 //!
 //! What is wrong in the file or its data sheet is told where the machine file names it, with the place there.
 
-use super::node::NodeTable;
+use super::node::{NodeTable, pair};
 use super::read::assumed_of;
 use std::{fs::File, io, io::Read, path::Path, time::Duration};
-use syncline_canopen::NodeId;
 use syncline_canopen::eds::Eds;
+use syncline_canopen::{Address, NodeId};
 use syncline_drives::model::{Assumed, Description, MODELS, Model, Settings};
-use syncline_strict_toml::{Log, Table};
+use syncline_strict_toml::{Log, Table, integer};
 use toml::Spanned;
 
 /// Rows that a dictionary holds.
@@ -140,6 +140,7 @@ fn model(
     let generic = generic.and_then(|name| Model::by_name(name.get_ref()));
     let sheet = table.text(log, "eds", "a file", |_| true);
     let assumed = generic.map(|generic| assumed_of(log, &mut table, generic));
+    let r_pdo_values = r_pdo_values(log, &mut table);
     let title = table.title.clone();
     if generic.is_some() {
         table.finish(log);
@@ -155,6 +156,7 @@ fn model(
     let model = generic.described(Description {
         name: name.into_inner(),
         maker: maker.map(Spanned::into_inner),
+        r_pdo_values,
         eds,
     });
     // Which objects a device has to have depends neither on its node id nor on the cycle.
@@ -167,6 +169,37 @@ fn model(
         log.report(sheet.span(), problem, lack.help);
     }
     Some((model, assumed))
+}
+
+/// What further objects of its R_PDO are sent.
+fn r_pdo_values(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Vec<(Address, i64)> {
+    const KEY: &str = "r_pdo_values";
+    let entries = table.items(
+        log,
+        KEY,
+        "a list of [object, value] pairs such as [\"60FE:1\", 0]",
+    );
+    let mut values: Vec<(Address, i64)> = Vec::new();
+    for entry in entries {
+        let Some((object, value)) = pair(log, &table.title, KEY, entry) else {
+            continue;
+        };
+        let (address, span) = (*object.get_ref(), object.span());
+        let title = &table.title;
+        if values.iter().any(|(other, _)| *other == address) {
+            let problem = format!("{title}: `{KEY}`: {address} has a value already");
+            log.report(span, problem, "allowed: each object once");
+        }
+        match integer(value.get_ref()) {
+            Some(value) => values.push((address, value)),
+            None => log.report(
+                value.span(),
+                format!("{title}: `{KEY}`: this is no value for {address}"),
+                "allowed: a whole number",
+            ),
+        }
+    }
+    values
 }
 
 /// Reads a data sheet. Those of older tools are in some 8-bit code; names do not matter here.

@@ -275,27 +275,52 @@ pub(super) fn places(
 /// What a `sdo` entry looks like.
 const SDO: &str = "a list of [object, value] pairs such as [\"3012:3\", 5]";
 
+/// An object and the value beside it, of a list of such pairs.
+pub(super) fn pair<'e, 'i>(
+    log: &mut Log<'_>,
+    title: &str,
+    key: &str,
+    entry: &'e Spanned<DeValue<'i>>,
+) -> Option<(Spanned<Address>, &'e Spanned<DeValue<'i>>)> {
+    let items = entry.get_ref().as_array().map(|items| &items[..]);
+    let Some([object, value]) = items else {
+        let problem = "this entry is not an object with a value";
+        log.report(
+            entry.span(),
+            format!("{title}: `{key}`: {problem}"),
+            format!("allowed: {SDO}"),
+        );
+        return None;
+    };
+    let address = object.get_ref().as_str().map(str::parse::<Address>);
+    let Some(Ok(address)) = address else {
+        log.report(
+            object.span(),
+            format!("{title}: `{key}`: this is no object"),
+            "allowed: \"index:sub\" in hexadecimal, such as \"3012:3\"",
+        );
+        return None;
+    };
+    Some((Spanned::new(object.span(), address), value))
+}
+
 fn sdo_entry(
     log: &mut Log<'_>,
     title: &str,
     model: &Model,
     entry: &Spanned<DeValue<'_>>,
 ) -> Option<Write> {
+    let (object, value) = pair(log, title, "sdo", entry)?;
+    let address = *object.get_ref();
     let mut refuse = |span: Range<usize>, problem: String, help: String| {
         log.report(span, format!("{title}: `sdo`: {problem}"), help);
         None
     };
-    let items = entry.get_ref().as_array().map(|items| &items[..]);
-    let Some([object, value]) = items else {
-        let problem = "this entry is not an object with a value".into();
-        return refuse(entry.span(), problem, format!("allowed: {SDO}"));
-    };
-    let address = object.get_ref().as_str().map(str::parse::<Address>);
-    let Some(Ok(address)) = address else {
-        let problem = "this is no object".into();
-        let help = "allowed: \"index:sub\" in hexadecimal, such as \"3012:3\"".into();
-        return refuse(object.span(), problem, help);
-    };
+    if model.r_pdo_values.iter().any(|(sent, _)| *sent == address) {
+        let problem = format!("{address} is sent by R_PDO all the time");
+        let help = "allowed: objects that the description has no value for in `r_pdo_values`";
+        return refuse(object.span(), problem, help.into());
+    }
     if (model.reserved)(address) {
         let problem = format!("{address} is the controller's own");
         let help = "allowed: objects outside communication, operating mode, cycle, scaling and \

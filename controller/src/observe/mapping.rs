@@ -13,6 +13,8 @@ use syncline_canopen::{CanId, Frame};
 
 /// Communication and mapping parameters of the first R_PDO and the first T_PDO; those of the others follow.
 const PARAMETERS: [(u16, u16); 2] = [(0x1400, 0x1600), (0x1800, 0x1A00)];
+/// Objects that a PDO can carry, of one bit each.
+const MOST_OBJECTS: usize = 64;
 /// PDOs that a device can have in each direction.
 const MOST_PDOS: u16 = 0x200;
 /// Set in a COB-ID: the PDO does not exist.
@@ -72,7 +74,7 @@ struct Pdo {
     identifier: Option<u32>,
     /// How many of the objects count.
     count: usize,
-    objects: [u32; 8],
+    objects: Vec<u32>,
 }
 
 impl PdoMappings {
@@ -192,8 +194,12 @@ impl Node {
             if let Some(number) = number(mapping) {
                 let pdo = pdos.entry(number).or_default();
                 match usize::from(sub).checked_sub(1) {
-                    None => pdo.count = (value as usize & 0xFF).min(pdo.objects.len()),
-                    Some(place) if place < pdo.objects.len() => pdo.objects[place] = value,
+                    None => pdo.count = (value as usize & 0xFF).min(MOST_OBJECTS),
+                    Some(place) if place < MOST_OBJECTS => {
+                        let length = pdo.objects.len().max(place + 1);
+                        pdo.objects.resize(length, 0);
+                        pdo.objects[place] = value;
+                    }
                     Some(_) => {}
                 }
             } else if let Some(number) = number(communication)
@@ -209,15 +215,20 @@ impl Node {
 impl Pdo {
     /// What a frame of it carries.
     fn values(&self, data: &[u8], tell: &mut impl FnMut(Heard)) {
-        let mut byte = 0;
-        for &object in &self.objects[..self.count] {
-            let end = byte + (object & 0xFF).div_ceil(8) as usize;
-            if let Some(bytes) = data.get(byte..end).filter(|bytes| bytes.len() <= 4) {
-                let value = bytes.iter().rev();
-                let value = value.fold(0, |value, byte| value << 8 | u32::from(*byte));
+        let bytes = data.iter().rev();
+        let mut word = bytes.fold(0, |word: u64, byte| word << 8 | u64::from(*byte));
+        let mut left = 8 * data.len() as u32;
+        for &object in self.objects.iter().take(self.count) {
+            let bits = object & 0xFF;
+            let Some(rest) = left.checked_sub(bits) else {
+                return;
+            };
+            if bits <= 32 {
+                let value = (word & ((1 << bits) - 1)) as u32;
                 tell(Heard::Object { object, value });
             }
-            byte = end;
+            word = word.checked_shr(bits).unwrap_or(0);
+            left = rest;
         }
     }
 }

@@ -184,7 +184,7 @@ fn a_name_is_one_descriptions_and_a_file_is_of_the_tables_kind() {
     assert!(wrong.contains("none.toml"), "{wrong}");
 }
 
-/// What the controller does with the objects of a drive with all of them, PDO 1 in use: w writes, r reads, R and T
+/// What the controller does with the objects of a drive with all of them, PDO 1 in use: w has to write, r reads, R and T
 /// are mapped; by the tables of the profile, not by the model. The drives that are meant are sent positions,
 /// velocities, or those in Profile Velocity.
 const USED: &[(u16, u8, &str, [bool; 3])] = &[
@@ -194,15 +194,15 @@ const USED: &[(u16, u8, &str, [bool; 3])] = &[
     (0x1400, 1, "rw", ALL),
     (0x1400, 2, "rw", ALL),
     (0x1403, 1, "rw", ALL),
-    (0x1600, 0, "rw", ALL),
-    (0x1600, 1, "rw", ALL),
-    (0x1600, 2, "rw", ALL),
+    (0x1600, 0, "r", ALL),
+    (0x1600, 1, "r", ALL),
+    (0x1600, 2, "r", ALL),
     (0x1800, 1, "rw", ALL),
     (0x1800, 2, "rw", ALL),
     (0x1803, 1, "rw", ALL),
-    (0x1A00, 0, "rw", ALL),
-    (0x1A00, 1, "rw", ALL),
-    (0x1A00, 2, "rw", ALL),
+    (0x1A00, 0, "r", ALL),
+    (0x1A00, 1, "r", ALL),
+    (0x1A00, 2, "r", ALL),
     (0x6007, 0, "rw", VELOCITIES),
     (0x6040, 0, "wR", ALL),
     (0x6041, 0, "rT", ALL),
@@ -237,8 +237,8 @@ const USED_OF_ENCODER: &[(u16, u8, &str)] = &[
     (0x1800, 1, "rw"),
     (0x1800, 2, "rw"),
     (0x1803, 1, "rw"),
-    (0x1A00, 0, "rw"),
-    (0x1A00, 1, "rw"),
+    (0x1A00, 0, "r"),
+    (0x1A00, 1, "r"),
     (0x6000, 0, "rw"),
     (0x6004, 0, "T"),
     (0x6501, 0, "r"),
@@ -371,6 +371,117 @@ fn broken(
     })
 }
 
+/// Objects of a maker's own, of 8, 16 and 32 bits, some of which are mapped; and their data types.
+const MAKERS: [(u32, u16); 3] = [(0x2001_0008, 5), (0x2002_0010, 6), (0x2003_0020, 7)];
+
+fn makers_objects() -> impl Strategy<Value = Vec<u32>> {
+    prop::sample::subsequence(MAKERS.map(|(object, _)| object).to_vec(), 0..=3)
+}
+
+fn add_makers_objects(eds: &mut Eds) {
+    for (object, data_type) in MAKERS {
+        let mut added = eds.objects[&0x1017].clone();
+        let parameter = added.subs.get_mut(&0).unwrap();
+        (parameter.data_type, parameter.default) = (data_type, None);
+        (parameter.low, parameter.high) = (None, None);
+        eds.objects.insert((object >> 16) as u16, added);
+    }
+}
+
+/// Maps a PDO in a data sheet.
+fn map(eds: &mut Eds, index: u16, objects: &[u32], read_only: bool) {
+    let subs = &mut eds.objects.get_mut(&index).unwrap().subs;
+    let values = [&[objects.len() as u32], objects].concat();
+    for (sub, value) in (0..).zip(values) {
+        let parameter = subs.get_mut(&sub).unwrap();
+        parameter.default = Some(Value::Number(value.into()));
+        if read_only {
+            parameter.access = Access::Ro;
+        }
+    }
+}
+
+/// A drive whose R_PDO is mapped by its maker so, with these values in its description.
+fn mapped_so(objects: &[u32], values: &str) -> Result<Machine, String> {
+    let mut eds = whole(0);
+    add_makers_objects(&mut eds);
+    map(&mut eds, 0x1600, objects, true);
+    let text = format!("{}r_pdo_values = [{values}]\n", WHOLE[0].0);
+    load(&text, &eds.to_string()).map_err(|wrong| wrong.to_string())
+}
+
+#[test]
+fn what_else_is_in_an_r_pdo_has_a_value_that_fits_it() {
+    const NEEDED: [u32; 2] = [0x607A_0020, 0x6040_0010];
+    let with = |object: u32| [&NEEDED[..], &[object]].concat();
+    mapped_so(&with(0x2002_0010), "[\"2002:0\", 65_535]").unwrap();
+    // The mode is sent as it is set up, and a gap is left at 0.
+    mapped_so(&with(0x6060_0008), "").unwrap();
+    mapped_so(&with(0x0006_0010), "").unwrap();
+    for (object, values, told) in [
+        (
+            0x2002_0010,
+            "",
+            "2002h:0 (Producer heartbeat time) is in R_PDO1, and nothing states what it is sent",
+        ),
+        (0x2002_0010, "[\"2002:0\", 65_536]", "takes no 65536"),
+        (
+            0x2002_0010,
+            "[\"2002:0\", 1.5]",
+            "this is no value for 2002h:0",
+        ),
+        (0x2002_0010, "[\"2002:0:0\", 1]", "this is no object"),
+        (0x2002_0010, "5", "this entry is not an object with a value"),
+        (
+            0x2002_0010,
+            "[\"2002:0\", 1], [\"2002:0\", 2]",
+            "2002h:0 has a value already",
+        ),
+        (
+            0x2002_0010,
+            "[\"2002:0\", 1], [\"2001:0\", 2]",
+            "2001h:0 (Producer heartbeat time) has a value in `r_pdo_values`, and is not in its R_PDO",
+        ),
+        (
+            0x6060_0008,
+            "[\"6060:0\", 8]",
+            "has a value in `r_pdo_values`, and is the controller's own",
+        ),
+        (
+            0x6040_0010,
+            "[\"6040:0\", 8]",
+            "has a value in `r_pdo_values`, and is the controller's own",
+        ),
+        (
+            0x2002_0008,
+            "[\"2002:0\", 1]",
+            "is of type U16, and mapped with 8 bits",
+        ),
+        (0x2004_0008, "[\"2004:0\", 1]", "2004h:0 () is not there"),
+        (
+            0x6064_0008,
+            "[\"6064:0\", 1]",
+            "is of type I32, and mapped with 8 bits",
+        ),
+        (0x1001_0008, "[\"1001:0\", 1]", "cannot be written"),
+    ] {
+        let wrong = mapped_so(&with(object), values).map(|_| ()).unwrap_err();
+        assert!(wrong.contains(told), "{told}\n{wrong}");
+    }
+    // What it is sent all the time nobody writes.
+    let folder = TempDir::new().unwrap();
+    let mut eds = whole(0);
+    add_makers_objects(&mut eds);
+    map(&mut eds, 0x1600, &with(0x2002_0010), true);
+    let text = format!("{}r_pdo_values = [[\"2002:0\", 1]]\n", WHOLE[0].0);
+    fs::write(folder.path().join("servo.toml"), text).unwrap();
+    fs::write(folder.path().join("servo.eds"), eds.to_string()).unwrap();
+    let machine = MACHINE.replacen("node = 1\n", "node = 1\nsdo = [[\"2002:0\", 2]]\n", 1);
+    let wrong = Machine::parse(&folder.path().join("machine.toml"), &machine).unwrap_err();
+    let told = "`sdo`: 2002h:0 is sent by R_PDO all the time";
+    assert!(wrong.to_string().contains(told), "{wrong}");
+}
+
 proptest! {
     /// A data sheet in which one object that is used is not as it has to be: refused, and the object is named.
     #[test]
@@ -446,48 +557,70 @@ proptest! {
         }
     }
 
-    /// PDOs that the maker has mapped are read, and nothing is written there; one that is mapped otherwise is refused.
+    /// PDOs that the maker has mapped are read, and nothing is written there, whatever order and company their objects are in; what
+    /// does not carry what is needed, or what nobody says a value for, is refused by the object's name.
     #[test]
-    fn a_mapping_that_is_the_makers_has_to_be_the_right_one(
+    fn a_mapping_that_is_the_makers_is_gone_by(
         which in 0..3usize,
         pdo in 1..=4u16,
-        wrong in prop::option::of((any::<bool>(), 0..=2u8, 1..=8i64)),
+        others in [makers_objects(), makers_objects()],
+        order: [prop::sample::Index; 2],
+        left_out in prop::option::of((0..2usize, 0..2usize)),
+        unstated: bool,
         says: bool,
+        read_only: bool,
     ) {
         let mut eds = whole(which);
+        add_makers_objects(&mut eds);
         let setpoint = if which == 0 { 0x607A_0020 } else { 0x60FF_0020 };
-        for (index, mapped) in [(0x15FF + pdo, [0x6040_0010, setpoint]), (0x19FF + pdo, [0x6041_0010, 0x6064_0020])] {
-            let subs = &mut eds.objects.get_mut(&index).unwrap().subs;
-            for (sub, value) in (0..).zip([2, mapped[0], mapped[1]]) {
-                let parameter = subs.get_mut(&sub).unwrap();
-                parameter.access = Access::Ro;
-                parameter.default = Some(Value::Number(value));
+        let needed = [[0x6040_0010, setpoint], [0x6041_0010, 0x6064_0020]];
+        let stated = if unstated { Vec::new() } else { others[0].clone() };
+        let mut wrong = Vec::new();
+        for direction in 0..2 {
+            let index = [0x15FF, 0x19FF][direction] + pdo;
+            let mut objects = [&needed[direction][..], &others[direction]].concat();
+            if let Some((_, place)) = left_out.filter(|(left, _)| *left == direction) {
+                let object = objects.remove(place);
+                wrong.push(format!("{:04X}h:0", object >> 16));
             }
+            let count = objects.len();
+            objects.rotate_left(order[direction].index(count));
+            if objects.iter().map(|it| it & 0xFF).sum::<u32>() > 64 {
+                wrong.push(format!("{index:04X}h:0"));
+            }
+            map(&mut eds, index, &objects, read_only);
         }
-        let mut place = None;
-        if let Some((transmits, sub, by)) = wrong {
-            let index = pdo + if transmits { 0x19FF } else { 0x15FF };
-            let parameter = eds.objects.get_mut(&index).unwrap().subs.get_mut(&sub).unwrap();
-            let Some(Value::Number(value)) = &mut parameter.default else { unreachable!() };
-            *value += by;
-            place = Some(format!("{index:04X}h:{sub}"));
-        }
+        wrong.extend(others[0].iter().filter(|_| unstated).map(|it| format!("{:04X}h:0", it >> 16)));
         let (text, _) = WHOLE[which];
         let fixed = if says { "fixed_mapping = 1\n" } else { "" };
-        let text = format!("{text}{fixed}r_pdo = {pdo}\nt_pdo = {pdo}\n");
+        let values: Vec<_> = stated.iter().map(|it| format!("[\"{:X}:0\", 3]", it >> 16)).collect();
+        let text = format!("{text}{fixed}r_pdo = {pdo}\nt_pdo = {pdo}\nr_pdo_values = [{}]\n", values.join(", "));
         let machine = MACHINE.replace("drive_following_error = true\ndrive_soft_limits = true\n", "");
         let loaded = load_as(&machine, &text, &eds.to_string()).map_err(|wrong| wrong.to_string());
-        match (loaded, place) {
-            (Ok(machine), None) => {
-                prop_assert!(says);
+        let is_mapping = |address: &Address| matches!(address.index, 0x1600..0x1800 | 0x1A00..0x1C00);
+        match loaded {
+            // The set-up maps it, and nothing else is in it.
+            loaded if !says && !read_only => match loaded {
+                Ok(machine) => {
+                    prop_assert!(stated.is_empty());
+                    let mapped = machine.device(0).spec().setup.iter().filter(|it| is_mapping(&it.address)).count();
+                    prop_assert_eq!(mapped, 8);
+                }
+                Err(told) => prop_assert!(!stated.is_empty() && told.contains("is not in its R_PDO"), "{}", told),
+            },
+            Ok(machine) => {
+                prop_assert!(wrong.is_empty(), "{wrong:?}: taken");
                 let device = machine.device(0);
-                let is_mapping = |address: &Address| matches!(address.index, 0x1600..0x1800 | 0x1A00..0x1C00);
                 prop_assert!(!device.spec().setup.iter().any(|it| is_mapping(&it.address)));
-                prop_assert_eq!(device.spec().identity.iter().filter(|it| is_mapping(&it.address)).count(), 6);
+                let read = device.spec().identity.iter().filter(|it| is_mapping(&it.address)).count();
+                prop_assert_eq!(read, 6 + others[0].len() + others[1].len());
             }
-            (Err(told), _) if !says => prop_assert!(told.contains("cannot be written"), "{}", told),
-            (Err(told), Some(place)) => prop_assert!(told.contains(&place), "{}: {}", place, told),
-            (loaded, place) => panic!("{:?}, {place:?}", loaded.map(|_| ())),
+            Err(told) => {
+                prop_assert!(!wrong.is_empty(), "{}", told);
+                for name in wrong {
+                    prop_assert!(told.contains(&name), "{}: {}", name, told);
+                }
+            }
         }
     }
 

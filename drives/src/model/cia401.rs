@@ -31,6 +31,7 @@ pub(super) static CIA401: Model = Model {
     positions: Increments::MIN..=Increments::MAX,
     abilities: &[],
     generic: None,
+    r_pdo_values: &[],
     assumptions: &[
         &[DIGITAL_WORDS, ANALOG_ERROR_SHIFT],
         &communication::responses(300, 3000),

@@ -11,11 +11,11 @@
 //! assumption as well.
 
 use super::profile::cia402::{self, INTERPOLATION_DELAY};
-use super::profile::generic::{self, COUNTING, Kind, SYNCHRONOUS, TELLS_FOLLOWING};
+use super::profile::generic::{self, COUNTING, Kind, Pdos, SYNCHRONOUS, TELLS_FOLLOWING};
 use super::{
-    Ability, Address, Assumption, Drive, DriveStatus, Feedback, Increments, Make, ModeDisplay,
-    Model, NodeSpec, PowerCommand, PowerState, RemoteNode, Sample, Setpoint, Setpoints, Settings,
-    Survey,
+    Ability, Address, Assumption, Drive, DriveStatus, Feedback, Increments, Make, Mapping,
+    ModeDisplay, Model, NodeSpec, PowerCommand, PowerState, RemoteNode, Sample, Setpoint,
+    Setpoints, Settings, Survey,
 };
 use syncline_canopen::Frame;
 use syncline_canopen::cia402::{Controlword, Statusword};
@@ -60,6 +60,7 @@ const FOLLOWING_ERROR: u16 = Statusword::BIT_13;
 #[derive(Clone, Debug)]
 struct Cia402Csp {
     spec: NodeSpec,
+    pdos: Pdos,
     interpolation_delay: u32,
     is_interpolated: bool,
     tells_following: bool,
@@ -78,8 +79,10 @@ impl Cia402Csp {
             actual: generic::POSITION,
         };
         let own = [generic::period(settings), cia402::limits(settings)].concat();
+        let pdos = Pdos::new(model, settings, kind);
         Self {
-            spec: generic::spec(model, settings, kind, own),
+            spec: generic::spec(model, settings, kind, &pdos, own),
+            pdos,
             interpolation_delay: assumed.value(&INTERPOLATION_DELAY),
             is_interpolated: mode == INTERPOLATED_POSITION,
             tells_following: assumed.value(&TELLS_FOLLOWING) != 0,
@@ -97,18 +100,25 @@ impl RemoteNode for Cia402Csp {
     fn spec(&self) -> &NodeSpec {
         &self.spec
     }
+
+    fn mapped(&self) -> Vec<&Mapping> {
+        self.pdos.all()
+    }
 }
 
 impl Feedback for Cia402Csp {
     fn sample(&self, _: usize, data: &[u8]) -> Option<Sample> {
-        cia402::sample(data)
+        let arranged = self.pdos.transmit.arranged(data);
+        cia402::sample(arranged.data())
     }
 
     fn in_motion(&self, position: Increments) -> Vec<Frame> {
-        let mut data = cia402::in_motion(position).to_vec();
-        let t_pdo = &self.spec.t_pdos[0];
-        data.resize(t_pdo.bytes.into(), 0);
-        vec![Frame::new(t_pdo.cob_id, &data)]
+        let arranged = cia402::in_motion(position);
+        vec![
+            self.pdos
+                .transmit
+                .frame(self.spec.t_pdos[0].cob_id, &arranged),
+        ]
     }
 }
 
@@ -138,7 +148,8 @@ impl Drive for Cia402Csp {
 
     fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
         let error = (!self.is_interpolated).then_some(FOLLOWING_ERROR);
-        let status = cia402::status(data, error)?;
+        let arranged = self.pdos.transmit.arranged(data);
+        let status = cia402::status(arranged.data(), error)?;
         let enabled = status.power == PowerState::Enabled;
         Some(DriveStatus {
             mode_runs: status.mode_runs || enabled && !self.tells_following,
@@ -147,7 +158,7 @@ impl Drive for Cia402Csp {
     }
 
     fn torque(&self, _: usize, data: &[u8]) -> Option<i16> {
-        generic::torque(data)
+        generic::torque(self.pdos.transmit.arranged(data).data())
     }
 
     fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]) {
@@ -155,8 +166,11 @@ impl Drive for Cia402Csp {
             true => Controlword::MODE_4,
             false => 0,
         };
-        let data = cia402::to_position(cia402::controlword(command, start), setpoint.position);
-        frames[0] = Frame::new(self.spec.r_pdos[0].cob_id, &data);
+        let arranged = cia402::to_position(cia402::controlword(command, start), setpoint.position);
+        frames[0] = self
+            .pdos
+            .receive
+            .frame(self.spec.r_pdos[0].cob_id, &arranged);
     }
 }
 

@@ -17,11 +17,11 @@
 
 use super::profile::cia402;
 use super::profile::generic::{
-    self, COUNTING, ENCODER_INCREMENTS, Kind, SYNCHRONOUS, TELLS_FOLLOWING,
+    self, COUNTING, ENCODER_INCREMENTS, Kind, Pdos, SYNCHRONOUS, TELLS_FOLLOWING,
 };
 use super::{
     Ability, Address, Assumption, Data, Drive, DriveStatus, Dynamics, Feedback, Increments, Make,
-    ModeDisplay, Model, NodeSpec, OutOfRange, PowerCommand, RemoteNode, Sample, Setpoint,
+    Mapping, ModeDisplay, Model, NodeSpec, OutOfRange, PowerCommand, RemoteNode, Sample, Setpoint,
     Setpoints, Settings, Survey, Write,
 };
 use syncline_canopen::Frame;
@@ -131,6 +131,7 @@ enum Mode {
 #[derive(Clone, Debug)]
 struct Cia402Velocity {
     spec: NodeSpec,
+    pdos: Pdos,
     mode: Mode,
     /// Units of 60FFh for an increment/s.
     units: f64,
@@ -161,8 +162,11 @@ impl Cia402Velocity {
             Mode::Synchronous if assumed.value(&INTERPOLATES) != 0 => 0.5,
             Mode::Synchronous | Mode::Profile => 0.0,
         };
+        let pdos = Pdos::new(model, settings, kind);
+        let own = own(settings, mode, units);
         Self {
-            spec: generic::spec(model, settings, kind, own(settings, mode, units)),
+            spec: generic::spec(model, settings, kind, &pdos, own),
+            pdos,
             mode,
             units,
             latency: 1.0 + line + delay / cycle,
@@ -214,11 +218,16 @@ impl RemoteNode for Cia402Velocity {
     fn spec(&self) -> &NodeSpec {
         &self.spec
     }
+
+    fn mapped(&self) -> Vec<&Mapping> {
+        self.pdos.all()
+    }
 }
 
 impl Feedback for Cia402Velocity {
     fn sample(&self, _: usize, data: &[u8]) -> Option<Sample> {
-        cia402::sample(data)
+        let arranged = self.pdos.transmit.arranged(data);
+        cia402::sample(arranged.data())
     }
 
     /// What turns on and on comes to the end of 6064h.
@@ -227,8 +236,12 @@ impl Feedback for Cia402Velocity {
     }
 
     fn in_motion(&self, position: Increments) -> Vec<Frame> {
-        let data = cia402::in_motion(position);
-        vec![Frame::new(self.spec.t_pdos[0].cob_id, &data)]
+        let arranged = cia402::in_motion(position);
+        vec![
+            self.pdos
+                .transmit
+                .frame(self.spec.t_pdos[0].cob_id, &arranged),
+        ]
     }
 }
 
@@ -260,9 +273,10 @@ impl Drive for Cia402Velocity {
 
     /// In neither mode the profile has a bit for an error in Operation Enabled.
     fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
+        let arranged = self.pdos.transmit.arranged(data);
         match self.tells_following {
-            true => cia402::status(data, None),
-            false => cia402::status_of_bare_mode(data),
+            true => cia402::status(arranged.data(), None),
+            false => cia402::status_of_bare_mode(arranged.data()),
         }
     }
 
@@ -278,8 +292,11 @@ impl Drive for Cia402Velocity {
     fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]) {
         let controlword = cia402::controlword(command, 0);
         let velocity = setpoint.velocity * self.units;
-        let data = cia402::at_velocity(controlword, command, velocity);
-        frames[0] = Frame::new(self.spec.r_pdos[0].cob_id, &data);
+        let arranged = cia402::at_velocity(controlword, command, velocity);
+        frames[0] = self
+            .pdos
+            .receive
+            .frame(self.spec.r_pdos[0].cob_id, &arranged);
     }
 }
 

@@ -12,9 +12,9 @@
 //! A drive that has lost its master would go on. What it does then (6007h) is therefore set: it is a fault.
 
 use super::profile::cia402;
-use super::profile::generic::{self, Kind};
+use super::profile::generic::{self, Kind, Pdos};
 use super::{
-    Address, Assumed, Assumption, Data, Drive, DriveStatus, Feedback, Increments, Make,
+    Address, Assumed, Assumption, Data, Drive, DriveStatus, Feedback, Increments, Make, Mapping,
     ModeDisplay, Model, NodeSpec, OutOfRange, PowerCommand, RemoteNode, Sample, Setpoint,
     Setpoints, Settings, Survey, Write,
 };
@@ -78,6 +78,7 @@ const CONNECTION_LOST_IS_FAULT: u16 = 1;
 #[derive(Clone, Debug)]
 struct Cia402Vl {
     spec: NodeSpec,
+    pdos: Pdos,
     /// Units of 6042h for 1/min.
     units: f64,
 }
@@ -85,8 +86,10 @@ struct Cia402Vl {
 impl Cia402Vl {
     fn new(model: &'static Model, settings: &Settings) -> Self {
         let units = units(&settings.assumed);
+        let pdos = Pdos::new(model, settings, KIND);
         Self {
-            spec: generic::spec(model, settings, KIND, own(settings, units)),
+            spec: generic::spec(model, settings, KIND, &pdos, own(settings, units)),
+            pdos,
             units,
         }
     }
@@ -144,6 +147,10 @@ impl RemoteNode for Cia402Vl {
     fn spec(&self) -> &NodeSpec {
         &self.spec
     }
+
+    fn mapped(&self) -> Vec<&Mapping> {
+        self.pdos.all()
+    }
 }
 
 impl Feedback for Cia402Vl {
@@ -155,7 +162,12 @@ impl Feedback for Cia402Vl {
     fn in_motion(&self, _: Increments) -> Vec<Frame> {
         let operation_enabled = 0x0237u16.to_le_bytes();
         let [s0, s1] = operation_enabled;
-        vec![Frame::new(self.spec.t_pdos[0].cob_id, &[s0, s1, 0, 0])]
+        let arranged = [s0, s1, 0, 0];
+        vec![
+            self.pdos
+                .transmit
+                .frame(self.spec.t_pdos[0].cob_id, &arranged),
+        ]
     }
 }
 
@@ -183,11 +195,12 @@ impl Drive for Cia402Vl {
 
     /// The mode has no bit of its own.
     fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
-        cia402::status_of_bare_mode(data)
+        cia402::status_of_bare_mode(self.pdos.transmit.arranged(data).data())
     }
 
     fn speed(&self, _: usize, data: &[u8]) -> Option<f64> {
-        let &[_, _, low, high, ..] = data else {
+        let arranged = self.pdos.transmit.arranged(data);
+        let &[_, _, low, high, ..] = arranged.data() else {
             return None;
         };
         Some(f64::from(i16::from_le_bytes([low, high])) / self.units)
@@ -211,7 +224,11 @@ impl Drive for Cia402Vl {
         };
         let [c0, c1] = cia402::controlword(command, 0).with(bits).0.to_le_bytes();
         let [v0, v1] = ((velocity * self.units).round() as i16).to_le_bytes();
-        frames[0] = Frame::new(self.spec.r_pdos[0].cob_id, &[c0, c1, v0, v1]);
+        let arranged = [c0, c1, v0, v1];
+        frames[0] = self
+            .pdos
+            .receive
+            .frame(self.spec.r_pdos[0].cob_id, &arranged);
     }
 }
 

@@ -6,12 +6,12 @@
 //! it may delete the preset, and with it the machine's zero. The preset itself (6003h) is never written, and nothing is
 //! stored. What the encoder does not have is an [`Assumption`].
 
-use super::profile::cia406::{self, AbsoluteEncoder};
+use super::profile::cia406::{self, AbsoluteEncoder, POSITION};
 use super::profile::communication::{self, SDO_RESPONSE, T_PDO_RESPONSE};
 use super::profile::generic::{self, FIXED_MAPPING, PDOS, PRODUCT_CODE, VENDOR_ID};
 use super::{
-    Address, Assumed, Assumption, Data, Identity, Increments, Make, Model, Monitoring, NODES,
-    NodeSpec, Settings, Write,
+    Address, Assumed, Assumption, Data, Identity, Increments, Make, Mapping, Model, Monitoring,
+    NODES, NodeSpec, Settings, Write,
 };
 use crate::dictionary;
 use core::time::Duration;
@@ -30,6 +30,7 @@ pub(super) static CIA406: Model = Model {
     cycles: Duration::from_micros(500)..=Duration::from_secs(1),
     increments_per_revolution: |assumed| assumed.value(&STEPS_PER_TURN),
     generic: None,
+    r_pdo_values: &[],
     assumptions: &[&[
         STEPS_PER_TURN,
         TURNS,
@@ -94,22 +95,26 @@ const T_PDO: Assumption = Assumption {
     ..generic::T_PDO
 };
 
-/// What its T_PDO brings, as it is mapped.
-const POSITION: u32 = 0x6004_0020;
-
 /// One encoder. What the bytes of its EMCY mean is the maker's affair, and nobody knows who that is.
 fn encoder(model: &'static Model, settings: &Settings) -> AbsoluteEncoder {
     let assumed = &settings.assumed;
     let has_heartbeat = assumed.value(&HAS_HEARTBEAT) != 0;
     let t_pdo = generic::number(assumed, &T_PDO);
-    let setup = setup(model, settings, t_pdo);
+    let pdo = Mapping::by_maker(
+        model,
+        generic::is_mapped_by_the_maker(assumed),
+        generic::parameter(0x1A00, t_pdo),
+        [&[POSITION], &[]],
+        Vec::new(),
+    );
+    let setup = setup(model, settings, t_pdo, &pdo);
     let has_scaling = assumed.value(&HAS_SCALING) != 0;
     let unscaled = Write::new(0x6000, 0, Data::u16(0));
     let steps = u64::from(assumed.value(&STEPS_PER_TURN));
     let range = (steps * u64::from(assumed.value(&TURNS))).min(1 << 32);
     AbsoluteEncoder {
         spec: NodeSpec {
-            identity: identity(assumed, t_pdo),
+            identity: identity(assumed, &pdo),
             history: vec![Address::new(0x1003, 1)],
             ensured: has_scaling.then_some(unscaled).into_iter().collect(),
             tells_boot_up: has_heartbeat,
@@ -117,16 +122,17 @@ fn encoder(model: &'static Model, settings: &Settings) -> AbsoluteEncoder {
                 true => Monitoring::Heartbeat,
                 false => Monitoring::TPdos,
             },
-            t_pdos: vec![communication::t_pdo(t_pdo, settings.node, 4)],
+            t_pdos: vec![communication::t_pdo(t_pdo, settings.node, pdo.bytes())],
             sync_divider: settings.sync_divider.into(),
             ..NodeSpec::new(model, settings, setup, |_| false)
         },
+        pdo,
         range: Increments::new(range as i64),
     }
 }
 
 /// What tells an encoder that counts as is assumed.
-fn identity(assumed: &Assumed, t_pdo: u8) -> Vec<Identity> {
+fn identity(assumed: &Assumed, pdo: &Mapping) -> Vec<Identity> {
     let reads = Identity::new;
     // What stands above CiA 406 tells rotary encoders of one turn and of several apart.
     let mut identity = vec![reads(0x1000, 0, "device type", 406).in_bits(0xFFFF)];
@@ -136,23 +142,17 @@ fn identity(assumed: &Assumed, t_pdo: u8) -> Vec<Identity> {
         identity.push(reads(0x6501, 0, "steps per turn", steps));
         identity.push(reads(0x6502, 0, "turns", turns).in_bits(0xFFFF));
     }
-    if generic::is_mapped_by_the_maker(assumed) {
-        let index = generic::parameter(0x1A00, t_pdo);
-        identity.extend(generic::mapped(index, &[POSITION]));
-    }
+    identity.extend(pdo.identity());
     identity
 }
 
 /// Every T_PDO off; the one that is used mapped, and on at every nth SYNC. It has no setpoints to miss: that the controller dies
 /// is nothing to it.
-fn setup(model: &'static Model, settings: &Settings, t_pdo: u8) -> Vec<Write> {
+fn setup(model: &'static Model, settings: &Settings, t_pdo: u8, pdo: &Mapping) -> Vec<Write> {
     let (node, assumed) = (settings.node, &settings.assumed);
     let mut setup = generic::t_pdos_off(model, node, assumed, t_pdo);
     setup.extend(&settings.objects);
-    if !generic::is_mapped_by_the_maker(assumed) {
-        let index = generic::parameter(0x1A00, t_pdo);
-        setup.extend(generic::map(index, &[POSITION]));
-    }
+    setup.extend(pdo.writes());
     let index = generic::parameter(0x1800, t_pdo);
     setup.push(Write::new(index, 2, Data::u8(settings.sync_divider)));
     let on = Data::u32(generic::t_pdo_word(t_pdo, node));

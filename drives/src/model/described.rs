@@ -3,7 +3,7 @@
 //! A device is made, set up and followed by the generic model's own code. Which objects that needs is asked of
 //! the device that it makes: what it writes, reads and maps has to be in the data sheet.
 
-use super::{Ability, Address, Data, Device, Increments, Model, Settings};
+use super::{Ability, Address, Data, Device, Increments, Mapping, Model, Settings};
 use core::fmt;
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
@@ -17,6 +17,8 @@ pub struct Description {
     pub name: String,
     /// Who makes it, if that is said.
     pub maker: Option<String>,
+    /// What is sent for objects that the maker has mapped into its R_PDO, and that the model does not go by.
+    pub r_pdo_values: Vec<(Address, i64)>,
     /// Its data sheet.
     pub eds: Eds,
 }
@@ -69,6 +71,7 @@ impl Model {
             bitrates: Vec::leak(bitrates(eds, self.bitrates)),
             abilities: Vec::leak(abilities.collect()),
             generic: Some(self),
+            r_pdo_values: Vec::leak(description.r_pdo_values.clone()),
             dictionary,
             ..self.clone()
         }));
@@ -90,17 +93,55 @@ impl Model {
         let generic = self.generic.unwrap_or(self);
         let lacks = uses.iter().filter_map(|(&address, uses)| {
             let problem = self.problem(address, uses)?;
-            // What the profile does not have is as the data sheet calls it.
-            let mut usual = generic.dictionary.iter().chain(self.dictionary);
-            let usual = usual.find(|entry| entry.address == address);
-            Some(Lack {
-                address,
-                name: usual.map_or("", |entry| entry.name),
-                problem,
-                help: format!("{} goes by this object", generic.title),
-            })
+            let help = format!("{} goes by this object", generic.title);
+            Some(self.lack(address, problem, help))
+        });
+        let mut lacks: Vec<_> = lacks.collect();
+        for mapping in device.mapped() {
+            lacks.extend(mapping.lacks(self));
+        }
+        lacks.extend(self.idle_values(&device));
+        lacks
+    }
+
+    /// The values stated for an R_PDO that it does not carry, or that are not for a description to state.
+    fn idle_values(&self, device: &Device) -> Vec<Lack> {
+        let spec = device.spec();
+        let mapped = device.mapped();
+        let received: Vec<&Mapping> = mapped.into_iter().filter(|it| it.is_received()).collect();
+        let own = |address: Address| {
+            let mut needed = received.iter().flat_map(|it| it.needed());
+            needed.any(|it| it == address) || spec.setup.iter().any(|it| it.address == address)
+        };
+        let problem = |address: Address| {
+            if own(address) {
+                let help = "the controller writes or sends it: leave its value out";
+                return Some(("is the controller's own", help));
+            }
+            let help = "allowed: objects that its maker has mapped there, by the data sheet";
+            let is_sent = received.iter().any(|it| it.has(address));
+            (!is_sent).then_some(("is not in its R_PDO", help))
+        };
+        let stated = self.r_pdo_values.iter();
+        let lacks = stated.filter_map(|&(address, _)| {
+            let (problem, help) = problem(address)?;
+            let problem = format!("has a value in `r_pdo_values`, and {problem}");
+            Some(self.lack(address, problem, help.to_owned()))
         });
         lacks.collect()
+    }
+
+    /// An object by its name in the profile, or in the data sheet where the profile does not have it.
+    pub(super) fn lack(&self, address: Address, problem: String, help: String) -> Lack {
+        let generic = self.generic.unwrap_or(self);
+        let mut usual = generic.dictionary.iter().chain(self.dictionary);
+        let usual = usual.find(|entry| entry.address == address);
+        Lack {
+            address,
+            name: usual.map_or("", |entry| entry.name),
+            problem,
+            help,
+        }
     }
 
     /// Why an object cannot be used so.
@@ -172,18 +213,17 @@ struct Uses {
 fn uses(device: &Device) -> BTreeMap<Address, Uses> {
     let mut uses: BTreeMap<Address, Uses> = BTreeMap::new();
     let spec = device.spec();
-    let written = spec.setup.iter().map(|it| (it.address, it.data.bits()));
-    let expected = spec.identity.iter().map(|it| (it.address, it.value));
-    for (Address { index, sub }, word) in written.clone().chain(expected) {
-        let mapped = Address::new((word >> 16) as u16, (word >> 8) as u8);
-        match index {
-            0x1600..0x1800 if sub > 0 => uses.entry(mapped).or_default().received = true,
-            0x1A00..0x1C00 if sub > 0 => uses.entry(mapped).or_default().transmitted = true,
-            _ => {}
+    for mapping in device.mapped() {
+        for object in mapping.needed() {
+            let used = uses.entry(object).or_default();
+            match mapping.is_received() {
+                true => used.received = true,
+                false => used.transmitted = true,
+            }
         }
     }
-    for (address, _) in written {
-        uses.entry(address).or_default().written = true;
+    for write in &spec.setup {
+        uses.entry(write.address).or_default().written = true;
     }
     for write in &spec.ensured {
         let used = uses.entry(write.address).or_default();

@@ -38,6 +38,7 @@ pub(super) static LXM32M: Model = Model {
         Ability::Torque,
     ],
     generic: None,
+    r_pdo_values: &[],
     assumptions: &[&[
         INTERPOLATION_DELAY,
         SYNC_LOCKED,

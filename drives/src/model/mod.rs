@@ -26,6 +26,7 @@ mod drive;
 mod feedback;
 mod io;
 mod lxm32m;
+mod mapping;
 mod node;
 mod object;
 mod profile;
@@ -43,6 +44,7 @@ pub use drive::{
 };
 pub use feedback::{Feedback, Sample, unwrapped};
 pub use io::{ANALOG_INPUTS, Io, IoNode, IoSettings};
+pub use mapping::Mapping;
 pub use node::{ClockLock, Identity, Monitoring, NodeSpec, RemoteNode};
 pub use object::{Data, Write};
 pub use scaling::{Direction, Increments, OutOfRange, Scaling};
@@ -99,6 +101,9 @@ pub struct Model {
     pub abilities: &'static [Ability],
     /// The model that it is an instance of, if a [`Description`] states it.
     pub generic: Option<&'static Self>,
+    /// What its R_PDO is sent for objects that the maker has mapped into it besides what it is driven by, as a
+    /// [`Description`] states it.
+    pub r_pdo_values: &'static [(Address, i64)],
     /// What the manual leaves open, with the value taken unless the machine file says otherwise: its own, and groups that it
     /// shares with other models.
     pub assumptions: &'static [&'static [Assumption]],

@@ -1,7 +1,7 @@
 //! What every CANopen device of a machine has, whatever it does.
 
 use super::profile::communication::{self, SDO_RESPONSE, T_PDO_RESPONSE};
-use super::{Address, Assumption, Model, Settings, Write};
+use super::{Address, Assumption, Mapping, Model, Settings, Write};
 use core::{fmt, time::Duration};
 use syncline_canopen::NodeId;
 use syncline_canopen::budget::{Events, NodeTraffic, Pdo};
@@ -17,6 +17,11 @@ pub trait RemoteNode: fmt::Debug + Send + Sync {
     /// B404h: SYNC signal missing`. `None` if the maker says nothing by them.
     fn vendor_error(&self, _: [u8; 5]) -> Option<String> {
         None
+    }
+
+    /// Its PDOs that carry what their maker may have mapped; none of a device that is not by its profile alone.
+    fn mapped(&self) -> Vec<&Mapping> {
+        Vec::new()
     }
 }
 

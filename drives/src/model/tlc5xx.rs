@@ -40,6 +40,7 @@ pub(super) static TLC5XX: Model = Model {
     positions: Increments::MIN..=Increments::MAX,
     abilities: &[Ability::PointToPoint, Ability::SyncDivider],
     generic: None,
+    r_pdo_values: &[],
     assumptions: &[
         &[
             UNITS_PER_RPM,

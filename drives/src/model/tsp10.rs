@@ -38,6 +38,7 @@ pub(super) static TSP10: Model = Model {
     positions: Increments::MIN..=Increments::MAX,
     abilities: &[Ability::PointToPoint],
     generic: None,
+    r_pdo_values: &[],
     assumptions: &[
         &[STEPS, VELOCITY_UNITS, VELOCITY_RPM, VELOCITY_DELAY],
         &communication::responses(400, 2000),

@@ -10,11 +10,11 @@
 //! - There is no heartbeat and no boot-up message. The encoder is heard by its T_PDO, which it sends in
 //!   Operational alone, so that a missing one tells more, and earlier, than guarding would.
 
-use super::profile::cia406::{self, AbsoluteEncoder};
+use super::profile::cia406::{self, AbsoluteEncoder, POSITION};
 use super::profile::communication;
 use super::{
-    Address, Assumed, Assumption, Data, Identity, Increments, Make, Model, Monitoring, NodeSpec,
-    Settings, Write,
+    Address, Assumed, Assumption, Data, Identity, Increments, Make, Mapping, Model, Monitoring,
+    NodeSpec, Settings, Write,
 };
 use crate::dictionary;
 use core::time::Duration;
@@ -35,6 +35,7 @@ pub(super) static TWK_CRN: Model = Model {
     cycles: Duration::from_micros(500)..=Duration::from_secs(1),
     increments_per_revolution: |assumed| Measure::of(assumed).per_turn,
     generic: None,
+    r_pdo_values: &[],
     assumptions: &[
         &[STEPS_PER_TURN, UNITS_PER_TURN, TURNS_EXPONENT],
         &communication::responses(300, 3000),
@@ -123,6 +124,7 @@ fn encoder(settings: &Settings) -> AbsoluteEncoder {
             sync_divider: settings.sync_divider.into(),
             ..spec
         },
+        pdo: Mapping::new(0x1A02, &[POSITION]),
         range: Increments::new(measure.range.into()),
     }
 }

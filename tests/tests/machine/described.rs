@@ -183,21 +183,31 @@ const ASKED: (&str, &str) = (
     "\n[[axis]]\nname = \"Y\"",
 );
 
-/// Positions: X asks its drive to watch itself.
-fn rig(x: &str, cycle_us: u32, positions: bool, program: &str) -> Rig {
+/// What makes a machine with X's drive by that file of the example. Positions: X asks its drive to watch itself.
+pub(super) fn replacements(x: &str, cycle_us: u32, positions: bool) -> Vec<(String, String)> {
     let servo = root().join("examples/described/servo.toml");
     let [x, y] = [x, &servo.display().to_string()].map(|file| format!("model = {file:?}"));
     let cycle = format!("cycle_us = {cycle_us}");
+    let own = |(from, to): (&str, &str)| (from.to_owned(), to.to_owned());
     // The first one is X's, behind its replacement comes Y's.
-    let mut replacements = vec![("cycle_us = 2000", &*cycle), (MODEL, &*x), (MODEL, &*y)];
-    replacements.extend((!positions).then_some(ASKED));
+    let models = [("cycle_us = 2000", &*cycle), (MODEL, &*x), (MODEL, &*y)];
+    let asked = (!positions).then_some(ASKED);
+    models.into_iter().chain(asked).map(own).collect()
+}
+
+fn rig(x: &str, cycle_us: u32, positions: bool, program: &str) -> Rig {
+    let replacements = replacements(x, cycle_us, positions);
+    let replacements: Vec<_> = (replacements.iter())
+        .map(|(from, to)| (&**from, &**to))
+        .collect();
     Rig::new("described", &replacements, program, |_, _| ())
 }
 
 /// Following error that the loops have in [`PROGRAM`], mm.
-const BOUND: f64 = 0.1;
+pub(super) const BOUND: f64 = 0.1;
 
-const PROGRAM: &str = "G21 G90\nG0 X30 Y10\nG1 F9000 X40\nG3 X50 Y20 J10\nG0 X0 Y0\nM2\n";
+pub(super) const PROGRAM: &str =
+    "G21 G90\nG0 X30 Y10\nG1 F9000 X40\nG3 X50 Y20 J10\nG0 X0 Y0\nM2\n";
 
 #[test]
 fn the_examples_pass_and_are_the_same_each_time() {

@@ -106,7 +106,7 @@ impl Description {
 const PROGRAM: &str = "G21 G90\nG0 X30 Y10\nG1 F9000 X40\nG3 X50 Y20 J10\nG0 X0 Y0\nM2\n";
 
 /// The example with this encoder, whose position closes the loop about X or is a second opinion.
-fn rig(encoder: &str, more: &[(&str, &str)], program: &str) -> Rig {
+pub(super) fn rig(encoder: &str, more: &[(&str, &str)], program: &str) -> Rig {
     let folder = root().join("examples/velocity");
     let file = |name: &str| format!("model = {:?}", folder.join(name).display().to_string());
     let (wheel, inverter) = (file("wheel.toml"), file("inverter.toml"));

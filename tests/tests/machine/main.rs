@@ -18,6 +18,7 @@ mod corpus;
 mod day;
 mod described;
 mod described_encoder;
+mod described_mapping;
 mod driven_spindle;
 mod dual_loop;
 mod enabling;

@@ -8,8 +8,8 @@ use super::cia402;
 use super::communication::{self, HAS_GUARDING, HAS_HEARTBEAT, SDO_RESPONSE, T_PDO_RESPONSE};
 use crate::dictionary;
 use crate::model::{
-    Address, Assumed, Assumption, Data, Identity, Increments, Make, Model, Monitoring, NODES,
-    NodeSpec, Settings, Write,
+    Address, Assumed, Assumption, Data, Identity, Increments, Make, Mapping, Model, Monitoring,
+    NODES, NodeSpec, Settings, Write,
 };
 use core::time::Duration;
 use syncline_canopen::dictionary::Preset;
@@ -82,7 +82,7 @@ pub(in crate::model) const FIXED_MAPPING: Assumption = Assumption {
     name: "fixed_mapping",
     default: 0,
     allowed: 0..=1,
-    meaning: "1: the two PDOs are mapped by the maker as they have to be, which is read; 0: they are mapped by the set-up",
+    meaning: "1: the two PDOs are mapped by the maker, as the data sheet says, which is read; 0: they are mapped by the set-up, if they can be",
 };
 
 /// How a drive counts that tells a position.
@@ -119,10 +119,41 @@ pub(in crate::model) struct Kind {
 /// 6064h, mapped.
 pub(in crate::model) const POSITION: u32 = 0x6064_0020;
 
-/// Bytes of a PDO of a 16-bit word and that object, as it is mapped.
-const fn bytes(object: u32) -> u8 {
-    2 + (object & 0xFF) as u8 / 8
+/// The two PDOs that are used.
+#[derive(Clone, Debug)]
+pub(in crate::model) struct Pdos {
+    /// Controlword and setpoint.
+    pub(in crate::model) receive: Mapping,
+    /// Statusword and actual value, and the torque where it is told.
+    pub(in crate::model) transmit: Mapping,
 }
+
+impl Pdos {
+    pub(in crate::model) fn new(model: &Model, settings: &Settings, kind: Kind) -> Self {
+        let assumed = &settings.assumed;
+        let [r_pdo, t_pdo] = [&R_PDO, &T_PDO].map(|pdo| number(assumed, pdo));
+        let is_said = is_mapped_by_the_maker(assumed);
+        let mut values = model.r_pdo_values.to_vec();
+        values.push((MODE, kind.mode.into()));
+        let torque: &[u32] = if settings.torque { &[0x6077_0010] } else { &[] };
+        let receive = [&[0x6040_0010, kind.setpoint][..], &[]];
+        let transmit = [&[0x6041_0010, kind.actual][..], torque];
+        let mapped =
+            |index, needed, values| Mapping::by_maker(model, is_said, index, needed, values);
+        Self {
+            receive: mapped(parameter(0x1600, r_pdo), receive, values),
+            transmit: mapped(parameter(0x1A00, t_pdo), transmit, Vec::new()),
+        }
+    }
+
+    /// Both.
+    pub(in crate::model) fn all(&self) -> Vec<&Mapping> {
+        vec![&self.receive, &self.transmit]
+    }
+}
+
+/// 6060h, which is sent as it is set up where the maker has it in an R_PDO.
+const MODE: Address = Address::new(0x6060, 0);
 
 /// What is known of every generic drive before it is made; one has abilities and assumptions of its own beside.
 ///
@@ -140,6 +171,7 @@ pub(in crate::model) const fn drive(name: &'static str, title: &'static str, mak
         positions: Increments::MIN..=Increments::MAX,
         abilities: &[],
         generic: None,
+        r_pdo_values: &[],
         assumptions: &[],
         dictionary: dictionary::CIA402_CSP,
         reserved,
@@ -168,35 +200,30 @@ pub(in crate::model) fn spec(
     model: &'static Model,
     settings: &Settings,
     kind: Kind,
+    pdos: &Pdos,
     own: Vec<Write>,
 ) -> NodeSpec {
     let (node, assumed) = (settings.node, &settings.assumed);
     let [r_pdo, t_pdo] = [&R_PDO, &T_PDO].map(|pdo| number(assumed, pdo));
     let monitoring = communication::monitoring(assumed, &settings.heartbeat);
-    let mut setup = setup(model, settings, kind, own);
+    let mut setup = setup(model, settings, kind, pdos, own);
     setup.extend(communication::supervision(monitoring, &settings.heartbeat));
     NodeSpec {
-        identity: identity(assumed, kind),
+        identity: identity(assumed, kind, pdos),
         history: cia402::HISTORY.to_vec(),
         // Older devices, which have no heartbeat, need not say that they have booted.
         tells_boot_up: monitoring == Monitoring::Heartbeat,
         monitoring,
         release: communication::end_of_supervision(monitoring),
-        // Statusword and actual value, and the torque.
-        t_pdos: vec![communication::t_pdo(
-            t_pdo,
-            node,
-            bytes(kind.actual) + if tells_torque(settings) { 2 } else { 0 },
-        )],
+        t_pdos: vec![communication::t_pdo(t_pdo, node, pdos.transmit.bytes())],
         sync_divider: settings.sync_divider.into(),
-        // Controlword and setpoint.
-        r_pdos: vec![communication::r_pdo(r_pdo, node, bytes(kind.setpoint))],
+        r_pdos: vec![communication::r_pdo(r_pdo, node, pdos.receive.bytes())],
         ..NodeSpec::new(model, settings, setup, cia402::is_command)
     }
 }
 
 /// What tells a drive that does as is assumed.
-fn identity(assumed: &Assumed, kind: Kind) -> Vec<Identity> {
+fn identity(assumed: &Assumed, kind: Kind, pdos: &Pdos) -> Vec<Identity> {
     let reads = Identity::new;
     // Bit 0 of 6502h is mode 1.
     let mode = 1 << (kind.mode - 1);
@@ -214,11 +241,7 @@ fn identity(assumed: &Assumed, kind: Kind) -> Vec<Identity> {
             reads(0x6091, 2, "gear ratio, driving shaft", 1),
         ]);
     }
-    if is_mapped_by_the_maker(assumed) {
-        for (index, objects) in mapping(assumed, kind) {
-            identity.extend(mapped(index, &objects));
-        }
-    }
+    identity.extend(pdos.all().into_iter().flat_map(Mapping::identity));
     identity
 }
 
@@ -232,33 +255,8 @@ pub(in crate::model) fn maker(assumed: &Assumed) -> impl Iterator<Item = Identit
     stated.into_iter().filter(|it| it.value != 0)
 }
 
-/// What tells a PDO that the maker has mapped so.
-pub(in crate::model) fn mapped(index: u16, objects: &[u32]) -> Vec<Identity> {
-    let count = objects.len() as u32;
-    let mut identity = vec![Identity::new(index, 0, "mapped objects", count)];
-    for (sub, object) in (1..).zip(objects) {
-        identity.push(Identity::new(index, sub, "mapped object", *object));
-    }
-    identity
-}
-
-/// Maps a PDO that is off.
-pub(in crate::model) fn map(index: u16, objects: &[u32]) -> Vec<Write> {
-    let mut writes = vec![Write::new(index, 0, Data::u8(0))];
-    for (sub, object) in (1..).zip(objects) {
-        writes.push(Write::new(index, sub, Data::u32(*object)));
-    }
-    writes.push(Write::new(index, 0, Data::u8(objects.len() as u8)));
-    writes
-}
-
 pub(in crate::model) fn is_mapped_by_the_maker(assumed: &Assumed) -> bool {
     assumed.value(&FIXED_MAPPING) != 0
-}
-
-/// Whether the T_PDO has the torque behind the position. What the maker has mapped stays as it is.
-fn tells_torque(settings: &Settings) -> bool {
-    settings.torque && !is_mapped_by_the_maker(&settings.assumed)
 }
 
 /// What the T_PDO of a drive that tells its torque says of that.
@@ -267,15 +265,6 @@ pub(in crate::model) fn torque(data: &[u8]) -> Option<i16> {
         return None;
     };
     Some(i16::from_le_bytes([low, high]))
-}
-
-/// The mapping parameters of the two PDOs that are used, and what they have to say.
-fn mapping(assumed: &Assumed, kind: Kind) -> [(u16, [u32; 2]); 2] {
-    let [r_pdo, t_pdo] = [&R_PDO, &T_PDO].map(|pdo| number(assumed, pdo));
-    [
-        (parameter(0x1600, r_pdo), [0x6040_0010, kind.setpoint]),
-        (parameter(0x1A00, t_pdo), [0x6041_0010, kind.actual]),
-    ]
 }
 
 /// The COB-ID of a T_PDO that is on. It is not to be asked for by remote requests, which many devices do not know.
@@ -334,12 +323,18 @@ pub(in crate::model) fn number(assumed: &Assumed, assumption: &Assumption) -> u8
 }
 
 /// Every PDO off, of a drive with a data sheet also those that it alone knows; the mode and what is the kind's own; the two that are used mapped, and on.
-fn setup(model: &'static Model, settings: &Settings, kind: Kind, own: Vec<Write>) -> Vec<Write> {
+fn setup(
+    model: &'static Model,
+    settings: &Settings,
+    kind: Kind,
+    pdos: &Pdos,
+    own: Vec<Write>,
+) -> Vec<Write> {
     let (node, assumed) = (settings.node, &settings.assumed);
     let w = Write::new;
-    let [r_pdo, t_pdo, pdos] = [&R_PDO, &T_PDO, &PDOS].map(|pdo| number(assumed, pdo));
+    let [r_pdo, t_pdo, has] = [&R_PDO, &T_PDO, &PDOS].map(|pdo| number(assumed, pdo));
     let r_pdo_word = |n| CobIdWord::valid(CobId::r_pdo(n, node)).0;
-    let reached = pdos.max(r_pdo);
+    let reached = has.max(r_pdo);
     let r_pdos = (1..=reached).map(|n| w(parameter(0x1400, n), 1, off(r_pdo_word(n))));
     let mut setup: Vec<Write> = r_pdos.collect();
     setup.extend(others_off(model, node, 0x1400, reached));
@@ -349,13 +344,7 @@ fn setup(model: &'static Model, settings: &Settings, kind: Kind, own: Vec<Write>
     setup.push(w(0x6060, 0, Data::u8(kind.mode)));
     setup.extend(own);
     setup.extend(&settings.objects);
-    let mapping = mapping(assumed, kind).into_iter();
-    for (index, mapped) in mapping.filter(|_| !is_mapped_by_the_maker(assumed)) {
-        let torque = index == parameter(0x1A00, t_pdo) && tells_torque(settings);
-        let torque = torque.then_some(0x6077_0010);
-        let objects: Vec<u32> = mapped.into_iter().chain(torque).collect();
-        setup.extend(map(index, &objects));
-    }
+    setup.extend(pdos.all().into_iter().flat_map(Mapping::writes));
     let (receive, transmit) = (parameter(0x1400, r_pdo), parameter(0x1800, t_pdo));
     setup.push(w(receive, 2, Data::u8(1))); // at every SYNC
     setup.push(w(transmit, 2, Data::u8(settings.sync_divider)));
