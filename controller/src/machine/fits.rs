@@ -240,6 +240,33 @@ pub(super) fn check_ramps(log: &mut Log<'_>, machine: &Machine, places: &[Range<
     }
 }
 
+/// Whether each drive can be as fast as its axis may be. `places` are where the file names the drives.
+pub(super) fn check_velocities(log: &mut Log<'_>, machine: &Machine, places: &[Range<usize>]) {
+    for ((index, drive), place) in machine.drives.iter().enumerate().zip(places) {
+        let axis = &machine.axes[drive.axis];
+        let device = machine.device(index);
+        let most = device
+            .drive()
+            .map_or(f64::INFINITY, model::Drive::most_velocity)
+            * drive.scaling.resolution();
+        let velocity = axis.limits.velocity;
+        if velocity <= most {
+            continue;
+        }
+        let [_, unit, ..] = axis.units();
+        log.report(
+            place.clone(),
+            format!(
+                "axis \"{}\": `max_velocity` is {velocity}, and drive \"{}\" ({}) takes no more than {most:.3} {unit} in its unit of velocity",
+                axis.name(),
+                drive.name,
+                drive.model.title
+            ),
+            format!("allowed: up to {most:.3} {unit}, or a coarser unit, if the drive has one"),
+        );
+    }
+}
+
 /// Whether each drive that is sent velocities has what its axis's loop needs: a position at every SYNC, and
 /// something that stops it where the controller dies. `places` are where the file names the drives.
 pub(super) fn check_loops(log: &mut Log<'_>, machine: &Machine, places: &[Range<usize>]) {

@@ -301,6 +301,7 @@ impl Tables {
         limit_inputs::check(log, &machine, &limit_switches);
         encoder::check(log, &machine, &stated);
         fits::check_ramps(log, &machine, &named);
+        fits::check_velocities(log, &machine, &named);
         fits::check_loops(log, &machine, &named);
         fits::check_spindle(log, &machine, turned);
         fits::check_guarding(log, &machine, &named);
@@ -618,7 +619,12 @@ pub(super) fn assumed_of(log: &mut Log<'_>, table: &mut Table<'_, '_>, model: &M
     for assumption in model.assumptions.iter().copied().flatten() {
         let (least, most) = assumption.allowed.clone().into_inner();
         let range = i64::from(least)..=i64::from(most);
-        if let Some(value) = table.integer_if(log, assumption.name, range, "") {
+        if let Some(choices) = model.choices(assumption.name) {
+            let allowed: Vec<_> = choices.iter().map(u32::to_string).collect();
+            let is_one = |number: f64| choices.iter().any(|it| f64::from(*it) == number);
+            let value = table.number_if(log, assumption.name, &allowed.join(", "), is_one);
+            values.extend(value.map(|value| (assumption.name, *value.get_ref() as u32)));
+        } else if let Some(value) = table.integer_if(log, assumption.name, range, "") {
             values.push((assumption.name, *value.get_ref() as u32));
         }
     }

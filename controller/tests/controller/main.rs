@@ -16,6 +16,7 @@ mod identify_velocity;
 mod killed;
 mod lost_bus;
 mod machine_file;
+mod models;
 mod outputs;
 mod outside;
 mod overrun;

@@ -36,6 +36,7 @@ pub(super) static CIA401: Model = Model {
         &[DIGITAL_WORDS, ANALOG_ERROR_SHIFT],
         &communication::responses(300, 3000),
     ],
+    choices: &[],
     dictionary: dictionary::CIA401,
     reserved,
     inputs: &INPUTS,

@@ -267,6 +267,11 @@ impl Drive for Cia402Velocity {
         self.latency
     }
 
+    /// As 60FFh has 32 bits.
+    fn most_velocity(&self) -> f64 {
+        f64::from(i32::MAX) / self.units
+    }
+
     fn dynamics(&self) -> Option<Dynamics> {
         Some(self.dynamics)
     }

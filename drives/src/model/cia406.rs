@@ -45,6 +45,7 @@ pub(super) static CIA406: Model = Model {
         T_PDO_RESPONSE,
         SDO_RESPONSE,
     ]],
+    choices: &[],
     dictionary: dictionary::CIA406,
     reserved: cia406::reserved,
     positions: Increments::MIN..=Increments::MAX,

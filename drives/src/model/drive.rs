@@ -61,6 +61,11 @@ pub trait Drive: Feedback {
         0.0
     }
 
+    /// The greatest velocity that its axis may have, increments/s, by what its objects hold; what is more is gone with this.
+    fn most_velocity(&self) -> f64 {
+        f64::INFINITY
+    }
+
     /// Whether it has still to acknowledge the target that it was sent last, or that it is ready for the next one; of a
     /// drive whose axis goes [point to point](super::Settings::point_to_point). One that acknowledges the setpoints of every
     /// cycle and did not take them says so by [`DriveStatus::mode_runs`].

@@ -47,6 +47,7 @@ pub(super) static LXM32M: Model = Model {
         T_PDO_RESPONSE,
         SDO_RESPONSE,
     ]],
+    choices: &[],
     dictionary: dictionary::LXM32M,
     reserved,
     inputs: &INPUTS,

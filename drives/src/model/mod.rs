@@ -107,6 +107,8 @@ pub struct Model {
     /// What the manual leaves open, with the value taken unless the machine file says otherwise: its own, and groups that it
     /// shares with other models.
     pub assumptions: &'static [&'static [Assumption]],
+    /// Those of its assumptions of whose range certain values alone make sense, by name.
+    pub choices: &'static [(&'static str, &'static [u32])],
     /// Its object dictionary.
     pub dictionary: &'static [Entry],
     /// Whether the controller itself writes or owns the object, so that a user must not.
@@ -267,6 +269,15 @@ impl Model {
     pub fn assumption(&self, name: &str) -> Option<&'static Assumption> {
         let mut assumptions = self.assumptions.iter().copied().flatten();
         assumptions.find(|assumption| assumption.name == name)
+    }
+
+    /// The values that alone make sense of its assumption of that name; `None`: all of its range do.
+    #[must_use]
+    pub fn choices(&self, name: &str) -> Option<&'static [u32]> {
+        let mut choices = self.choices.iter();
+        choices
+            .find(|(of, _)| *of == name)
+            .map(|(_, values)| *values)
     }
 
     /// A device of this model.

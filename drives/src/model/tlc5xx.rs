@@ -51,6 +51,7 @@ pub(super) static TLC5XX: Model = Model {
         ],
         &communication::responses(600, 4000),
     ],
+    choices: &[],
     dictionary: dictionary::TLC5XX,
     reserved,
     inputs: &[],
@@ -133,6 +134,11 @@ const MOST_UNITS: f64 = 12_000.0;
 /// How much faster than its axis the loop may have it for a while.
 const RESERVE: f64 = 1.2;
 
+/// The greatest velocity of an axis whose drive has that unit, increments/s: with what the loop adds 607Fh holds it.
+fn most_velocity(per_rpm: u32) -> f64 {
+    MOST_UNITS / RESERVE / f64::from(per_rpm) / 60.0 * f64::from(INCREMENTS)
+}
+
 /// The steepest ramp, r/(min·s) (15651, 15680): the drive follows the plan, it makes none.
 const RAMP: u32 = 2_000_000;
 
@@ -159,6 +165,7 @@ struct Tlc5xx {
     /// Units of 60FFh for an increment/s.
     units: f64,
     latency: f64,
+    most_velocity: f64,
     dynamics: Dynamics,
     remote: u32,
     /// Where it is sent, if its axis goes point to point.
@@ -192,6 +199,7 @@ impl Tlc5xx {
             },
             units,
             latency: 1.0 + delay / cycle,
+            most_velocity: most_velocity(per_rpm),
             dynamics: Dynamics {
                 lag,
                 // From a sample to the middle of the cycle in which it takes effect are one and a half, and it may be older.
@@ -366,6 +374,10 @@ impl Drive for Tlc5xx {
 
     fn latency(&self) -> f64 {
         self.latency
+    }
+
+    fn most_velocity(&self) -> f64 {
+        self.most_velocity
     }
 
     fn dynamics(&self) -> Option<Dynamics> {

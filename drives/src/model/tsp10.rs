@@ -43,6 +43,7 @@ pub(super) static TSP10: Model = Model {
         &[STEPS, VELOCITY_UNITS, VELOCITY_RPM, VELOCITY_DELAY],
         &communication::responses(400, 2000),
     ],
+    choices: &[],
     dictionary: dictionary::TSP10,
     reserved,
     inputs: &[],
@@ -264,6 +265,11 @@ impl Drive for Tsp10 {
 
     fn latency(&self) -> f64 {
         self.latency
+    }
+
+    /// As 60FFh has 32 bits (791).
+    fn most_velocity(&self) -> f64 {
+        f64::from(i32::MAX) / self.units
     }
 
     fn dynamics(&self) -> Option<Dynamics> {

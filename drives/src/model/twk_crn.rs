@@ -40,6 +40,8 @@ pub(super) static TWK_CRN: Model = Model {
         &[STEPS_PER_TURN, UNITS_PER_TURN, TURNS_EXPONENT],
         &communication::responses(300, 3000),
     ],
+    // Two discs (crn S37).
+    choices: &[(STEPS_PER_TURN.name, &[4096, 8192])],
     dictionary: dictionary::TWK_CRN_8192,
     reserved,
     positions: Increments::MIN..=Increments::MAX,

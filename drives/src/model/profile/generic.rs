@@ -173,6 +173,7 @@ pub(in crate::model) const fn drive(name: &'static str, title: &'static str, mak
         generic: None,
         r_pdo_values: &[],
         assumptions: &[],
+        choices: &[],
         dictionary: dictionary::CIA402_CSP,
         reserved,
         inputs: &[],
