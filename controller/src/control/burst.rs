@@ -99,7 +99,8 @@ impl<const N: usize> Controller<N> {
     }
 
     /// Lets the nodes of a bus ask, as many as there is room for, in turn. Beside setpoints that change only those are
-    /// asked that are asked all the time, for which each cycle has room, and those that are told to come to rest.
+    /// asked that are asked all the time, for which each cycle has room, and those that are told by SDO what R_PDOs may not
+    /// tell them.
     fn ask_nodes(
         &mut self,
         now: Instant,
@@ -121,7 +122,7 @@ impl<const N: usize> Controller<N> {
         let mut events = event_sink(&mut self.events);
         for place in (0..devices.len()).map(|turn| (first + turn) % devices.len()) {
             let node = &mut self.nodes[devices[place]];
-            let may_ask = !self.setpoints_change || node.is_polled() || node.is_quick_stopped();
+            let may_ask = !self.setpoints_change || node.is_polled() || node.is_told_by_sdo();
             let may_send = left > 0 && may_ask;
             if node.ask(now, may_send, tx, &mut events)? {
                 left -= 1;

@@ -276,6 +276,13 @@ impl DeviceCause {
                 | Self::MissingTPdo { .. }
         )
     }
+
+    /// Whether the device may hear no R_PDOs any more: it is silent, or not in Operational.
+    #[must_use]
+    pub(super) fn is_deafness(&self) -> bool {
+        let is_elsewhere = matches!(self, Self::NmtState { .. } | Self::UnknownNmtState { .. });
+        is_elsewhere || self.is_silence()
+    }
 }
 
 /// What an axis did.

@@ -84,6 +84,8 @@ pub(super) struct DeviceNode {
     pub(super) setpoint: Setpoint,
     /// Its R_PDOs, as last encoded.
     r_pdos: Vec<Frame>,
+    /// It may hear no R_PDOs: what it was told by SDO in their place. None of an I/O node that is heard, nor of others.
+    told_by_sdo: Option<Vec<Frame>>,
 }
 
 impl DeviceNode {
@@ -134,6 +136,7 @@ impl DeviceNode {
             r_pdos: (spec.r_pdos.iter())
                 .map(|pdo| Frame::new(pdo.cob_id, &[]))
                 .collect(),
+            told_by_sdo: None,
         }
     }
 
@@ -394,6 +397,7 @@ impl DeviceNode {
         self.guarding = None;
         self.polls = Polls::NONE;
         self.polled = None;
+        self.told_by_sdo = None;
         self.come = 0;
     }
 
@@ -542,6 +546,19 @@ impl DeviceNode {
         }
     }
 
+    /// Tells an I/O node from now on by SDO as well what its outputs are: one that was taken out of Operational hears no R_PDO,
+    /// and they would stay as they are.
+    pub(super) fn tell_by_sdo(&mut self) {
+        if let Device::Io(_) = self.device {
+            self.told_by_sdo.get_or_insert_default();
+        }
+    }
+
+    /// Whether what it is told is told by SDO as well.
+    pub(super) fn is_told_by_sdo(&self) -> bool {
+        self.is_quick_stopped() || self.told_by_sdo.is_some()
+    }
+
     /// Whether it was told to come to rest by itself, and follows no setpoints.
     pub(super) fn is_quick_stopped(&self) -> bool {
         self.quick_stopped.is_some()
@@ -619,6 +636,21 @@ impl DeviceNode {
             Device::Drive(drive) => drive.encode(power, self.setpoint, &mut self.r_pdos),
             Device::Encoder(_) => {}
             Device::Io(io) => io.encode(&mut self.r_pdos),
+        }
+        let told = self.told_by_sdo.as_mut();
+        if let Some(told) = told.filter(|told| **told != self.r_pdos) {
+            told.clone_from(&self.r_pdos);
+            self.write_outputs();
+        }
+    }
+
+    /// Tells an I/O node by SDO what its R_PDOs carry.
+    fn write_outputs(&mut self) {
+        let Self {
+            device, sequence, ..
+        } = self;
+        if let Device::Io(io) = device {
+            io.write(&mut |write| sequence.command(write));
         }
     }
 
@@ -713,6 +745,9 @@ impl DeviceNode {
         self.polls = Polls::NONE;
         self.sequence.clear();
         self.torque.forget_steps();
+        if in_reach && self.told_by_sdo.is_some() {
+            self.write_outputs();
+        }
         if in_reach && self.sequence.has_identified() {
             self.release_torque();
             let release = self

@@ -186,11 +186,16 @@ impl SdoSequence {
         self.steps.extend(steps);
     }
 
-    /// Writes before all steps that are left, whatever the device answers.
+    /// Writes before all steps that are left, whatever the device answers, and in place of what the same object was to be written
+    /// with before.
     pub(super) fn command(&mut self, write: Write) {
         let is_asked = self.client.is_busy() && !self.stale;
-        let place = usize::from(is_asked).min(self.steps.len());
-        self.steps.insert(place, Step::Command(write));
+        let asked = usize::from(is_asked).min(self.steps.len());
+        let same = |step: &Step| matches!(step, Step::Command(it) if it.address == write.address);
+        while let Some(place) = self.steps.iter().skip(asked).position(same) {
+            self.steps.remove(asked + place);
+        }
+        self.steps.insert(asked, Step::Command(write));
     }
 
     /// Forgets the steps that are left; an answer under way is awaited and dropped.

@@ -179,6 +179,11 @@ impl<const N: usize> Controller<N> {
         self.faults.push(fault);
         self.tell(Event::Fault(fault));
         if let Fault::Device(device, cause) = fault
+            && cause.is_deafness()
+        {
+            self.nodes[device].tell_by_sdo();
+        }
+        if let Fault::Device(device, cause) = fault
             && cause.is_silence()
         {
             let mut events = event_sink(&mut self.events);

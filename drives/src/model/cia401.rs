@@ -128,6 +128,7 @@ struct Cia401 {
     spec: NodeSpec,
     /// Digital outputs, as R_PDO1 carries them.
     outputs: u16,
+    width: Width,
     /// Analog outputs, as R_PDO2 carries them.
     analog_outputs: [i16; 4],
     /// The places of T_PDO2 and R_PDO2 among its own.
@@ -162,6 +163,7 @@ impl Cia401 {
                 ..NodeSpec::new(&CIA401, settings, setup, |_| false)
             },
             outputs: 0,
+            width,
             analog_outputs: [0; 4],
             analog: [t_pdo.is_some().into(), digital.is_some().into()],
         }
@@ -364,6 +366,26 @@ impl IoNode for Cia401 {
                 data[..2].copy_from_slice(&self.outputs.to_le_bytes());
             }
             frames[place] = Frame::new(r_pdo.cob_id, &data[..r_pdo.bytes.into()]);
+        }
+    }
+
+    /// The objects that they carry.
+    fn write(&self, write: &mut dyn FnMut(Write)) {
+        for (place, r_pdo) in self.spec.r_pdos.iter().enumerate() {
+            if place == self.analog[1] {
+                let values = self
+                    .analog_outputs
+                    .iter()
+                    .take(usize::from(r_pdo.bytes) / 2);
+                for (sub, value) in (1..).zip(values) {
+                    write(Write::new(0x6411, sub, Data::u16(*value as u16)));
+                }
+            } else {
+                for sub in 1..=r_pdo.bytes / (self.width.bits / 8) {
+                    let part = self.width.part(self.outputs.into(), sub);
+                    write(Write::new(self.width.outputs, sub, part));
+                }
+            }
         }
     }
 }

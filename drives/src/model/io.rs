@@ -1,6 +1,6 @@
 //! Devices with inputs and outputs.
 
-use super::RemoteNode;
+use super::{RemoteNode, Write};
 use core::fmt;
 use syncline_canopen::Frame;
 
@@ -37,6 +37,9 @@ pub trait IoNode: Io + fmt::Debug {
 
     /// Its R_PDOs of this cycle, one each in `frames`.
     fn encode(&self, frames: &mut [Frame]);
+
+    /// Gives the writes by SDO that say the same as its R_PDOs of this cycle, for a node that hears none.
+    fn write(&self, write: &mut dyn FnMut(Write));
 }
 
 impl Clone for Box<dyn IoNode> {

@@ -2,13 +2,14 @@
 //! hear no R_PDO any more and go on as they were told last. The controller's heartbeat they hear, and SDO.
 
 use super::day::{go, settle, state};
-use super::{described, losses, velocity};
+use super::{described, losses, stepper, velocity};
 use proptest::prelude::*;
-use syncline_canopen::nmt;
 use syncline_canopen::time::Duration;
-use syncline_controller::control::{End, State};
+use syncline_canopen::{CobId, nmt};
+use syncline_controller::control::{End, Fault, State};
 use syncline_controller::port::Port;
 use syncline_controller::session::Command;
+use syncline_drives::twin::{SimulatedDevice, cia401};
 use syncline_tests::rig::Rig;
 
 /// Sends a device there that is the only one of these on the first bus.
@@ -98,4 +99,109 @@ fn a_machine_that_stays_on_stops_it_too_and_is_brought_back() {
     assert!(seen.velocity.abs() < 0.01 && !seen.is_powered, "{seen:?}");
     go(&mut rig, Command::Reset);
     assert_eq!(state(&rig), State::Ready, "{:?}", rig.session.faults());
+}
+
+/// Behind the drives and the encoder.
+const CABINET: usize = 5;
+
+/// Outputs beside the enable chain, which is DO3: one of them is safe where it is on.
+const WIRED: &str = r#"
+[spindle]
+max_speed = 24000
+ramp_ms = 200
+
+[[output]]
+name = "valve"
+io = "cabinet"
+signal = "DO9"
+number = 1
+
+[[output]]
+name = "lamp"
+io = "cabinet"
+signal = "DO1"
+safe = "on"
+number = 2
+
+[[output]]
+name = "speed"
+io = "cabinet"
+signal = "AO0"
+full_scale = 24000
+function = "spindle_speed"
+
+[machine]
+"#;
+const CHAIN: u16 = 1 << 3;
+const VALVE: u16 = 1 << 9;
+const LAMP: u16 = 1 << 1;
+
+fn cabinet(rig: &mut Rig) -> (u16, i16) {
+    let twin: &mut cia401::Twin = rig.twin_as(CABINET);
+    (twin.outputs(), twin.analog_outputs()[0])
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
+
+    /// An I/O node hears no R_PDO either: its outputs are told their safe values by SDO, while the axes come to rest, and the
+    /// enable chain opens behind that.
+    #[test]
+    fn outputs_of_an_io_node_are_made_safe(row in 0..200usize, words: bool) {
+        let words = format!("[model.cia401]\ndigital_words = {}\n{WIRED}", u8::from(words));
+        let more = [("cycle_us = 2000", "cycle_us = 4000"), ("[machine]\n", &*words)];
+        let changes = [&more[..], &stepper::CHANGES].concat();
+        let program = "G21 G90 G94 G61\nM3 S12000\nM64 P1\nM65 P2\nG1 X400 Y300 Z-40 F6000\nM2\n";
+        let mut rig = Rig::new("portal", &changes, program, |_, _| ());
+        rig.run_until(|rig| rig.rows.last().is_some_and(|row| row.plan.speed > 50.0));
+        let begin = rig.rows.len() + row;
+        rig.run_to_row(begin);
+        prop_assert_eq!(cabinet(&mut rig), (CHAIN | VALVE, 16384));
+        leaves(&mut rig, CABINET);
+        let mut safe_in_motion = false;
+        rig.run_until(|rig| {
+            let (outputs, speed) = cabinet(rig);
+            let drives = [0, 1, 2, 3].map(|drive| rig.twin(drive).observe());
+            let moves = drives.iter().any(|it| it.velocity.abs() > 0.05);
+            assert!(!moves || outputs & CHAIN != 0, "the chain opens while drives move");
+            safe_in_motion |= moves && (outputs, speed) == (CHAIN | LAMP, 0);
+            rig.end().is_some() && drives.iter().all(|it| !it.is_powered)
+        });
+        prop_assert!(safe_in_motion);
+        let fault = rig.finish_with_fault();
+        prop_assert!(matches!(fault, Fault::Device(CABINET, _)), "{fault:?}");
+        prop_assert!(rig.ends_at_rest());
+        prop_assert_eq!(cabinet(&mut rig), (LAMP, 0));
+    }
+}
+
+/// In a machine that stays on nothing else would ever make them safe: its controller is there. After the reset they are told by R_PDO again.
+#[test]
+fn a_machine_that_stays_on_makes_them_safe_too_and_is_brought_back() {
+    let more = [
+        ("cycle_us = 2000", "cycle_us = 4000"),
+        ("[machine]\n", WIRED),
+    ];
+    let changes = [&more[..], &stepper::CHANGES].concat();
+    let mut rig = Rig::staying_on("portal", &changes, |_, _| ());
+    settle(&mut rig);
+    for line in ["M64 P1", "M65 P2", "M3 S12000"] {
+        go(&mut rig, Command::Mdi(line.to_owned()));
+    }
+    rig.command(Command::Mdi("G1 X300 F6000".to_owned()));
+    rig.run_until(|rig| rig.session.status().setpoint[0] > 20.0);
+    assert_eq!(cabinet(&mut rig), (CHAIN | VALVE, 16384));
+    leaves(&mut rig, CABINET);
+    settle(&mut rig);
+    assert_eq!(state(&rig), State::Faulted, "{:?}", rig.events);
+    assert_eq!(cabinet(&mut rig), (LAMP, 0));
+    go(&mut rig, Command::Reset);
+    assert_eq!(state(&rig), State::Ready, "{:?}", rig.session.faults());
+    assert_eq!(cabinet(&mut rig), (CHAIN | LAMP, 0));
+    let node = rig.layout.devices[CABINET].device.spec().node;
+    let before = rig.sent(CobId::r_sdo(node)).len();
+    go(&mut rig, Command::Mdi("M64 P1".to_owned()));
+    assert_eq!(cabinet(&mut rig), (CHAIN | LAMP | VALVE, 0));
+    let behind = rig.sent(CobId::r_sdo(node)).len();
+    assert_eq!(before, behind);
 }
