@@ -169,7 +169,7 @@ impl Layout {
     pub fn supervision(&self, device: DeviceIndex) -> String {
         let notices: Vec<String> = self.notices(device).map(|it| it.to_string()).collect();
         format!(
-            "{}: {}what it tells counts within {}; its loss shows by {}; {}{}{}",
+            "{}: {}what it tells counts within {}; its loss shows by {}; {}{}{}{}",
             self.who(device),
             match self.devices[device].device.spec().sync_divider {
                 1 => String::new(),
@@ -178,9 +178,33 @@ impl Layout {
             Millis(self.tells_within(device)),
             notices.join(" or "),
             self.left_alone(device),
+            self.deaf(device).unwrap_or_default(),
             self.compares(device).unwrap_or_default(),
             self.extrapolates(device).unwrap_or_default(),
         )
+    }
+
+    /// How a drive shows that it hears no R_PDOs any more, because something has taken it out of NMT Operational, where nothing
+    /// tells its NMT state.
+    fn deaf(&self, device: DeviceIndex) -> Option<String> {
+        let spec = self.devices[device].device.spec();
+        let is_told = !matches!(spec.monitoring, Monitoring::Poll(_)) || spec.answers_sync;
+        let axis = self.axis_of(device).filter(|_| !is_told)?;
+        let AxisSpec { name, unit, .. } = axis;
+        Some(if axis.point_to_point {
+            format!(
+                "; out of NMT Operational it answers as before, and shows it by its next target, which it does not \
+                 acknowledge within {}",
+                Millis(self.state_timeout)
+            )
+        } else {
+            let least = axis.limits.following_error_at_rest;
+            let most = axis.limits.following_error;
+            format!(
+                "; out of NMT Operational it answers as before and goes on with its last velocity, and shows it once axis \
+                 {name} is to have another one, by a following error of {least} to {most} {unit}"
+            )
+        })
     }
 
     /// What is made of a position that is missing, of a device by which the controller closes a loop.

@@ -6,6 +6,7 @@ use super::{described, losses, stepper, velocity};
 use proptest::prelude::*;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CobId, nmt};
+use syncline_controller::control::fault::AxisCause;
 use syncline_controller::control::{End, Fault, State};
 use syncline_controller::port::Port;
 use syncline_controller::session::Command;
@@ -99,6 +100,49 @@ fn a_machine_that_stays_on_stops_it_too_and_is_brought_back() {
     assert!(seen.velocity.abs() < 0.01 && !seen.is_powered, "{seen:?}");
     go(&mut rig, Command::Reset);
     assert_eq!(state(&rig), State::Ready, "{:?}", rig.session.faults());
+}
+
+/// A drive that tells nobody its NMT state shows that it hears no velocity once it is to have another one, as start-up tells.
+#[test]
+fn a_stepper_at_a_steady_velocity_shows_it_as_start_up_tells() {
+    let mut rig = losses::machine_with("G21 G90\nG1 Z-250 F3000\nM2\n", |_, _| ());
+    let told = rig.layout.supervision(losses::Z);
+    let expected = "shows it once axis Z is to have another one, by a following error of";
+    assert!(told.contains(expected), "{told}");
+    let velocity = |rig: &Rig| rig.rows.last().map_or(0.0, |row| row.plan.velocity[2]);
+    rig.run_until(|rig| velocity(rig) < -49.999);
+    // Until the loop has nothing more to add.
+    let begin = rig.rows.len() + 100;
+    rig.run_to_row(begin);
+    leaves(&mut rig, losses::Z);
+    rig.run_until(|rig| velocity(rig) > -49.0);
+    assert!(rig.controller().faults().is_empty());
+    rig.run_until(|rig| !rig.controller().faults().is_empty());
+    let error = rig.rows.last().unwrap().axes[2].following_error.abs();
+    let fault = rig.finish_with_fault();
+    let Fault::Axis(axis, AxisCause::FollowingError { .. }) = fault else {
+        panic!("{fault:?}");
+    };
+    let axis = &rig.layout.axes[axis];
+    assert_eq!(axis.name.to_string(), "Z");
+    let most = axis.limits.following_error + 50.0 * rig.machine.cycle.as_secs_f64();
+    assert!(error <= most, "{error} of {most} mm");
+}
+
+/// One that is sent targets, by the next of them.
+#[test]
+fn a_stepper_that_goes_point_to_point_shows_it_as_start_up_tells() {
+    let program = "G21 G90\nG1 X60 F3000\nG0 W6\nM2\n";
+    let mut rig = losses::machine_with(program, |_, _| ());
+    let told = rig.layout.supervision(losses::W);
+    let time = rig.layout.state_timeout.as_secs_f64() * 1e3;
+    let expected = format!("its next target, which it does not acknowledge within {time} ms");
+    assert!(told.contains(&expected), "{told}");
+    rig.run_to_row(100);
+    leaves(&mut rig, losses::W);
+    let fault = rig.finish_with_fault();
+    let unacknowledged = matches!(fault, Fault::Axis(_, AxisCause::NotAcknowledged { .. }));
+    assert!(unacknowledged, "{fault:?}");
 }
 
 /// Behind the drives and the encoder.
