@@ -5,6 +5,7 @@ use super::axes::Point;
 use super::command::{Action, Coolant, Output, Outputs, PathMode, Spindle, Stop, Way};
 use super::modal::Modes;
 use super::outputs::PassedOutputs;
+use super::probe::Probed;
 
 /// What brings a machine to a place in the midst of a program, in this order.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,6 +22,22 @@ pub struct Entry {
     pub with_motion: Vec<Output>,
     /// The program taps next, where that is known.
     pub taps: bool,
+    /// How many answers of the machine the program has had up to there.
+    pub answered: usize,
+}
+
+/// What a machine has answered a program that could not be read further before.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Answer {
+    /// What came of a probing.
+    Probed(Probed),
+    /// What inputs and outputs were, as [`Interpreter::signals_read`](crate::Interpreter::signals_read) takes it.
+    Signals {
+        /// By the order of their names.
+        signals: Vec<f64>,
+        /// What the last M66 found.
+        input_result: f64,
+    },
 }
 
 /// A place in a program: behind so many of its commands.
@@ -95,6 +112,11 @@ impl Passed {
         }
     }
 
+    /// Passes a probing that ended there.
+    pub(crate) fn probed(&mut self, at: Point) {
+        self.outputs.moved(at);
+    }
+
     /// The position that the commands lead to.
     pub(crate) fn at(&self) -> Point {
         self.outputs.at()
@@ -132,6 +154,7 @@ impl Passed {
             way,
             with_motion: outputs.await_motion,
             taps: false,
+            answered: 0,
         }
     }
 }

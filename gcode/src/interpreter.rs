@@ -12,7 +12,7 @@ use super::block::Block;
 use super::command::{Action, Command, Span};
 use super::compensation::Compensation;
 use super::coordinates::WorkCoordinates;
-use super::entry::{Entry, InEffect, Passed, Place};
+use super::entry::{Answer, Entry, InEffect, Passed, Place};
 use super::error::{Error, Fault, Origin, Refusal};
 use super::execute::{Continuation, State};
 use super::flow::{At, Control};
@@ -353,14 +353,23 @@ impl Interpreter {
     /// Begins at a place behind the program's first commands: the next command is the one that comes there.
     /// [`Setup::start`] is where the program began; the machine is at `here` now, and this is in effect. What is to come
     /// before the next command is left to the caller. The place may be in a loop, a subroutine, a cycle or a
-    /// compensated contour. If it is a homing, the axes that are homed there stay where they are up to that.
+    /// compensated contour. If it is a homing, the axes that are homed there stay where they are up to that. What the program
+    /// probes, or reads of inputs and outputs, before the place is what the machine has answered before.
     ///
     /// # Errors
-    /// A block before the place is refused, a probing or a block that reads inputs is passed, or the program does not come
-    /// to the place any more.
-    pub fn enter_at(&mut self, place: &Place, here: Point, now: &InEffect) -> Result<Entry, Error> {
-        let passed = self.pass_to(place);
+    /// A block before the place is refused, or waits for more than what was answered, or the program does not come to the
+    /// place any more.
+    pub fn enter_at(
+        &mut self,
+        place: &Place,
+        here: Point,
+        now: &InEffect,
+        answers: &[Answer],
+    ) -> Result<Entry, Error> {
+        let mut left = answers.iter();
+        let passed = self.pass_to(place, &mut left);
         let passed = passed.map_err(|refusal| self.error(refusal))?;
+        let answered = answers.len() - left.len();
         let mut at = passed.at();
         // What is homed next begins where it is, and maybe nobody knows where that is.
         if let Some(Action::Home { axes, .. }) = self.pending().next() {
@@ -370,6 +379,7 @@ impl Interpreter {
         let taps = matches!(self.pending().next(), Some(Action::Tap { .. }));
         Ok(Entry {
             taps,
+            answered,
             ..passed.entry(now, at, way)
         })
     }
@@ -380,7 +390,11 @@ impl Interpreter {
         Passed::new(self.state.at, &setup.memory.modes, setup.outputs)
     }
 
-    fn pass_to(&mut self, place: &Place) -> Result<Passed, Refusal> {
+    fn pass_to<'a>(
+        &mut self,
+        place: &Place,
+        answers: &mut impl Iterator<Item = &'a Answer>,
+    ) -> Result<Passed, Refusal> {
         let mut passed = self.passed_none();
         let line = place.known.map_or(0, |(_, line)| line);
         loop {
@@ -402,8 +416,20 @@ impl Interpreter {
                 return Ok(passed);
             }
             match &command.action {
-                Action::Probe { .. } => return refuse(Fault::BeginProbed { line }),
-                Action::ReadSignals { .. } => return refuse(Fault::BeginRead { line }),
+                Action::Probe { .. } => match answers.next() {
+                    Some(Answer::Probed(probed)) => {
+                        passed.probed(probed.at);
+                        self.probed(*probed);
+                    }
+                    _ => return refuse(Fault::BeginProbed { line }),
+                },
+                Action::ReadSignals { .. } => match answers.next() {
+                    Some(Answer::Signals {
+                        signals,
+                        input_result,
+                    }) => self.signals_read(signals.clone(), *input_result),
+                    _ => return refuse(Fault::BeginRead { line }),
+                },
                 Action::End => return refuse(Fault::ResumeElsewhere { line }),
                 action => passed.pass(action),
             }

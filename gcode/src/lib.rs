@@ -59,7 +59,7 @@ pub use command::{
 };
 pub use coordinates::WorkCoordinates;
 pub use cycles::Cycle;
-pub use entry::{Entry, InEffect, Place};
+pub use entry::{Answer, Entry, InEffect, Place};
 pub use error::{Error, Fault};
 pub use home::Homed;
 pub use interpreter::Interpreter;

@@ -44,6 +44,11 @@ impl PassedOutputs {
                 None => return,
             },
         };
+        self.moved(to);
+    }
+
+    /// A motion has led there.
+    pub(crate) fn moved(&mut self, to: Point) {
         self.at = to;
         for output in self.await_motion.drain(..) {
             self.outputs.switch(&output);

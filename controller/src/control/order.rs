@@ -194,22 +194,8 @@ impl<const N: usize> Controller<N> {
         if self.rests_aside() && leads_on {
             return Err(Refusal::SetAside);
         }
-        let goes_on = matches!(order, Order::CycleStart | Order::Resume);
-        if let Some(overrides) = self.rests_for_speed().filter(|_| goes_on) {
+        if let Some(overrides) = self.lacks_speed(&order) {
             return Err(Refusal::NoSpeed(overrides));
-        }
-        let overrides = self.zero_overrides();
-        if overrides.feed && matches!(order, Order::Retrace) {
-            return Err(Refusal::NoSpeed(ZeroOverrides {
-                rapid: false,
-                ..overrides
-            }));
-        }
-        if overrides.rapid && matches!(order, Order::Home(_)) {
-            return Err(Refusal::NoSpeed(ZeroOverrides {
-                feed: false,
-                ..overrides
-            }));
         }
         match order {
             Order::FeedHold | Order::ToggleFeedHold if state == State::Homing => {
@@ -319,6 +305,18 @@ impl<const N: usize> Controller<N> {
         match missing.find(|&at| needs(at)) {
             Some(at) => Err(Refusal::Unreferenced(at)),
             None => Ok(()),
+        }
+    }
+
+    /// The overrides that leave nothing of the speed for what is ordered.
+    fn lacks_speed(&self, order: &Order<N>) -> Option<ZeroOverrides> {
+        let ZeroOverrides { feed, rapid } = self.zero_overrides();
+        let zero = |feed, rapid| (feed || rapid).then_some(ZeroOverrides { feed, rapid });
+        match order {
+            Order::CycleStart | Order::Resume => self.rests_for_speed(),
+            Order::Retrace => zero(feed, false),
+            Order::Home(_) => zero(false, rapid),
+            _ => None,
         }
     }
 

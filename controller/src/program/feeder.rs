@@ -3,6 +3,7 @@
 mod opening;
 mod searches;
 
+use super::answers::Answers;
 use super::feed::{feed, programmed_speed};
 use super::moves::{MoveSource, ON_THE_PATH, ProgramMove, Step, Upcoming, path_control_mode};
 use super::threads::Threads;
@@ -59,6 +60,8 @@ pub struct Feeder {
     search: Option<Instruction<COORDINATES>>,
     /// Readings of inputs and outputs so far.
     readings: u32,
+    /// What the machine has answered so far.
+    answers: Answers,
     /// What the last command waits for, if it was an M66, and its line.
     awaited: Option<(gcode::InputWait, u32)>,
     /// What can be read, in the interpreter's order.
@@ -129,6 +132,8 @@ impl Program {
             blend: self.tolerances.blend * self.scale.tolerance,
         };
         let (interpreter, entry) = self.interpret(start)?;
+        self.answers
+            .keep(entry.as_ref().map_or(0, |entry| entry.answered));
         // Maybe the spindle was still on its way to its speed.
         let spins_up = entry.as_ref().is_some_and(turns);
         let (begun, next) = match self.entered {
@@ -151,6 +156,7 @@ impl Program {
             awaits_thread: false,
             search: None,
             readings: 0,
+            answers: self.answers.clone(),
             awaited: None,
             signals: Arc::clone(&self.signals),
             path_control_mode: path_control_mode(
@@ -365,9 +371,14 @@ impl Feeder {
     /// Goes on behind a reading of inputs and outputs with what they are; those of another one change nothing.
     pub fn signals_read(&mut self, levels: &SignalLevels) {
         if self.interpreter.awaits_signals() && levels.number == self.readings {
-            let values = self.signals.iter().map(|&signal| levels.of(signal));
-            self.interpreter
-                .signals_read(values.collect(), levels.input_result);
+            let signals = self.signals.iter().map(|&signal| levels.of(signal));
+            let signals: Vec<f64> = signals.collect();
+            let input_result = levels.input_result;
+            self.answers.push(gcode::Answer::Signals {
+                signals: signals.clone(),
+                input_result,
+            });
+            self.interpreter.signals_read(signals, input_result);
         }
     }
 

@@ -9,8 +9,10 @@
 //! [`Programs`] is what all programs of a machine share, a [`Program`] one of them before it runs, a
 //! [`Feeder`] the running one.
 
+mod answers;
 mod beginning;
 pub mod bounds;
+mod effects;
 mod feed;
 mod feeder;
 mod interrupted;
@@ -37,6 +39,7 @@ use crate::machine::{
     AnalogSource, COORDINATES, InputMeaning, Machine, OutputSwitch, PathTolerances, Position,
     SpinUp,
 };
+use answers::Answers;
 use feed::counted_length;
 use moves::{Mixed, MoveSource};
 use std::io::Cursor;
@@ -140,6 +143,8 @@ enum Entered {
 pub struct Program {
     source: Source,
     setup: gcode::Setup,
+    /// What the machine has answered it, the first one first: a program that is resumed is told again.
+    answers: Answers,
     limits: Limits<COORDINATES>,
     /// By coordinate: whether its axis goes point to point.
     point_to_point: [bool; COORDINATES],
@@ -416,6 +421,7 @@ impl Programs {
         Program {
             source,
             setup,
+            answers: Answers::default(),
             limits: self.limits,
             point_to_point: self.point_to_point,
             tolerances: self.tolerances,
@@ -648,117 +654,6 @@ impl Program {
         Ok(extent)
     }
 
-    /// The axes that need not be referenced where it begins: those that it homes before it moves any; all where it moves
-    /// none otherwise, and leaves the same tables wherever it begins. Of one that is read as it runs that is not known.
-    #[must_use]
-    pub fn homes_first(&self) -> AxisSet {
-        if self.stream {
-            return AxisSet::NONE;
-        }
-        let [here, there] = [0.0, 1.0].map(|at| self.homed_from([at; COORDINATES]));
-        let (Some((homed, left)), Some((also, leaves))) = (here, there) else {
-            return AxisSet::NONE;
-        };
-        let homed: AxisSet = homed.iter().filter(|axis| also.contains(*axis)).collect();
-        match left.is_some() && left == leaves && !homed.is_empty() {
-            true => self.setup.axes,
-            false => homed,
-        }
-    }
-
-    /// Which axes it homes before it moves any, and with which tables it ends if it moves none. Where it is begun in its
-    /// middle, the way there comes first.
-    fn homed_from(&self, start: Position) -> Option<(AxisSet, Option<Tables>)> {
-        let (mut interpreter, entry) = self.interpret(start).ok()?;
-        let begins_at = entry.map_or(start, |entry| entry.at.0);
-        let rests = |axis: &AxisLetter| begins_at[axis.index()] == start[axis.index()];
-        let mut homed = AxisSet::NONE;
-        while let Some(Ok(command)) = interpreter.next() {
-            match command.action {
-                Action::Home { axes, to } => {
-                    axes.iter()
-                        .filter(rests)
-                        .for_each(|axis| homed.insert(axis));
-                    interpreter.homed(to);
-                }
-                Action::Rapid { .. }
-                | Action::Feed { .. }
-                | Action::Arc { .. }
-                | Action::Spline { .. }
-                | Action::Thread { .. }
-                | Action::Tap { .. }
-                | Action::Probe { .. }
-                | Action::ReadSignals { .. } => return Some((homed, None)),
-                _ => {}
-            }
-        }
-        let rests = self.setup.axes.iter().all(|axis| rests(&axis));
-        Some((homed, rests.then(|| interpreter.tables().clone())))
-    }
-
-    /// Whether it moves no axis of a machine that stands `here`, and turns no spindle.
-    #[must_use]
-    pub fn is_still(&self, here: &Position) -> bool {
-        let Ok((mut interpreter, _)) = self.interpret(*here) else {
-            // What is wrong with it is told by who runs it.
-            return true;
-        };
-        while let Some(Ok(command)) = interpreter.next() {
-            let is_still = match &command.action {
-                Action::Spindle(spindle) => *spindle == spindle.stopped(),
-                Action::Home { .. } | Action::Probe { .. } | Action::Tap { .. } => false,
-                action => action.leads_to().is_none_or(|to| to.0 == *here),
-            };
-            if !is_still {
-                return false;
-            }
-        }
-        !interpreter.awaits_machine()
-    }
-
-    /// Of the axes that are `asked` about those that it leaves where they are, at a machine that stands `here`, and for
-    /// which it does the same wherever that is.
-    #[must_use]
-    pub fn leaves(&self, here: &Position, asked: impl Fn(AxisLetter) -> bool) -> AxisSet {
-        let axes = self.setup.axes.iter().filter(|axis| asked(*axis));
-        axes.filter(|&axis| self.leaves_axis(axis, here).unwrap_or(false))
-            .collect()
-    }
-
-    /// Whether it leaves an axis where it is and does the same if that is elsewhere; `None` for what cannot be said of a
-    /// program before it runs.
-    fn leaves_axis(&self, axis: AxisLetter, here: &Position) -> Option<bool> {
-        let mut elsewhere = *here;
-        elsewhere[axis.index()] += 1.0;
-        let starts = [*here, elsewhere].map(gcode::Point);
-        let (mut one, _) = self.interpret(*here).ok()?;
-        let (mut other, _) = self.interpret(elsewhere).ok()?;
-        loop {
-            let actions = match (one.next(), other.next()) {
-                (None, None) => break,
-                (Some(it), Some(also)) => [it.ok()?.action, also.ok()?.action],
-                _ => return None,
-            };
-            if let [Action::Home { axes, to }, Action::Home { to: also, .. }] = actions {
-                if axes.contains(axis) {
-                    return Some(false);
-                }
-                one.homed(to);
-                other.homed(also);
-            }
-            let mut stays = actions.iter().zip(starts).map(|(action, start)| {
-                (action.leads_to()).is_none_or(|to| to[axis] == start[axis])
-            });
-            let [it, also] = actions.clone().map(|action| action.with_axis_at(axis, 0.0));
-            if !stays.all(|stays| stays) || it != also {
-                return Some(false);
-            }
-        }
-        let knows = !one.awaits_machine() && !other.awaits_machine();
-        let leaves = one.tables() == other.tables() && one.memory() == other.memory();
-        knows.then_some(leaves)
-    }
-
     /// As the one job that a machine is switched on for.
     #[must_use]
     pub fn only_job(&self) -> Job {
@@ -792,6 +687,7 @@ impl Program {
     pub fn apart(&self) -> Self {
         let mut apart = self.clone();
         (apart.setup.abandoned, apart.setup.read) = (Arc::default(), Arc::default());
+        apart.answers = Answers::of(self.answers.so_far());
         apart
     }
 
@@ -828,7 +724,8 @@ impl Program {
             None => None,
             Some(Entered::AtLine(line)) => Some(interpreter.enter_at_line(line)?),
             Some(Entered::At { place, now, .. }) => {
-                Some(interpreter.enter_at(&place, gcode::Point(here), &now)?)
+                let answers = self.answers.so_far();
+                Some(interpreter.enter_at(&place, gcode::Point(here), &now, &answers)?)
             }
         };
         Ok((interpreter, entry))

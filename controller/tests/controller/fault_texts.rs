@@ -423,7 +423,16 @@ fn every_failure_of_a_homing_has_its_text() {
             HomingFailure::Shared,
             "its switch is on already, and another axis has the same one: move the axes off it",
         ),
-        (HomingFailure::NoSpeed, "the rapid override is 0: raise it"),
+        (
+            HomingFailure::NoSpeed,
+            "the rapid override is 0: raise it, and home it again",
+        ),
+        (HomingFailure::Held, "a feed hold ended it: home it again"),
+        (HomingFailure::DoorOpen, "a door is open: close it"),
+        (
+            HomingFailure::FeedHold,
+            "the input for feed hold came on: home it again once that is off",
+        ),
         (
             HomingFailure::NotHome,
             "its drive did not find its place by itself: check the switches wired to the drive, the functions of its \

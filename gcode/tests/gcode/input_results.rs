@@ -135,7 +135,7 @@ fn a_program_that_is_begun_behind_an_m66() {
         passed: 2,
         known: None,
     };
-    let entered = program.enter_at(&place, Point::default(), &InEffect::default());
+    let entered = program.enter_at(&place, Point::default(), &InEffect::default(), &[]);
     entered.unwrap();
     program.next().unwrap().unwrap();
     let asks = Action::ReadSignals { input_result: true };

@@ -181,6 +181,7 @@ fn what_cannot_be_is_refused() {
             &Place { passed, known },
             Point::default(),
             &InEffect::default(),
+            &[],
         )?;
         program.next().expect("more comes")
     };

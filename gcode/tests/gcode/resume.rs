@@ -2,7 +2,9 @@
 
 use proptest::prelude::*;
 use proptest::sample::select;
-use syncline_gcode::{Action, Command, Interpreter, Output, Point, Setup};
+use syncline_gcode::{
+    Action, Answer, Command, InEffect, Interpreter, Output, Place, Point, Probed, Setup,
+};
 
 use super::listing::{begun_at, show_actions, show_all, xyz};
 
@@ -212,4 +214,91 @@ fn a_line_that_is_read_over_is_not_met() {
         lines(late, 4).unwrap(),
         (vec![4, 7, 9], Point::xyz(1.0, 0.0, 0.0))
     );
+}
+
+/// A machine with a probe and the input P5.
+fn asked() -> Setup {
+    let mut setup = xyz();
+    setup.has_probe = true;
+    setup.inputs = 1 << 5;
+    setup
+}
+
+/// The commands of a program to its end, of a machine that answers so, from the first of these answers on.
+fn told(program: &mut Interpreter, answers: &[Answer]) -> Vec<Action> {
+    let mut answers = answers.iter();
+    let mut actions = Vec::new();
+    loop {
+        if program.awaits_machine() {
+            match answers.next().expect("as many as are asked for") {
+                Answer::Probed(probed) => program.probed(*probed),
+                Answer::Signals {
+                    signals,
+                    input_result,
+                } => program.signals_read(signals.clone(), *input_result),
+            }
+        }
+        match program.next() {
+            Some(command) => actions.push(command.unwrap().action),
+            None if program.awaits_machine() => {}
+            None => return actions,
+        }
+    }
+}
+
+fn is_question(action: &&Action) -> bool {
+    matches!(action, Action::Probe { .. } | Action::ReadSignals { .. })
+}
+
+proptest! {
+    /// What a machine has answered before it is told again: from any place the rest of the program is as it was.
+    #[test]
+    fn what_was_answered_is_not_asked_again(
+        lines in prop::collection::vec(select(vec![
+            "G91 G38.3 X5 F100", "G91 G38.3 Y-4 F100", "#1 = [#1 + #5061]", "M66 P5 L0", "G90 G0 Z[#5399]",
+            "G90 G0 X#1 Y[#5062 / 2]", "G10 L20 P1 X0", "G90 G1 Z-1 F200", "M64 P1", "M62 P2", "o1 if [#5070 EQ 1]\nG0 Z1\no1 endif",
+        ]), 1..14),
+        results in prop::collection::vec((any::<bool>(), -3.0..3.0f64), 28),
+    ) {
+        // Each conditional has a number of its own.
+        let lines = lines.iter().enumerate().map(|(at, line)| line.replace("o1", &format!("o{}", at + 1)));
+        let text = format!("G21 G94 G90\n{}\nM2\n", lines.collect::<Vec<_>>().join("\n"));
+        let part = || Interpreter::from_text("part.ngc", text.as_str(), asked());
+        let mut answers = Vec::new();
+        let mut whole = Vec::new();
+        let mut program = part();
+        let mut results = results.into_iter().cycle();
+        loop {
+            match program.next() {
+                Some(command) => whole.push(command.unwrap().action),
+                None if program.awaits_search() => {
+                    let (touches, at) = results.next().expect("without end");
+                    let at = Point::xyz(at, at / 2.0, 0.0);
+                    let probed = Probed { contact: touches.then_some(at), at };
+                    program.probed(probed);
+                    answers.push(Answer::Probed(probed));
+                }
+                None if program.awaits_signals() => {
+                    let (on, _) = results.next().expect("without end");
+                    let input_result = f64::from(u8::from(on));
+                    program.signals_read(Vec::new(), input_result);
+                    answers.push(Answer::Signals { signals: Vec::new(), input_result });
+                }
+                None => break,
+            }
+        }
+        for passed in 0..whole.len() {
+            let mut program = part();
+            let place = Place { passed: passed as u64, known: None };
+            let entry = program.enter_at(&place, Point::ZERO, &InEffect::default(), &answers).unwrap();
+            let asked = whole[..passed].iter().filter(is_question).count();
+            prop_assert_eq!(entry.answered, asked);
+            prop_assert_eq!(&told(&mut program, &answers[asked..]), &whole[passed..], "{}", text);
+            // With one answer less it cannot be known.
+            if let Some(fewer) = asked.checked_sub(1) {
+                let entered = part().enter_at(&place, Point::ZERO, &InEffect::default(), &answers[..fewer]);
+                prop_assert!(entered.is_err());
+            }
+        }
+    }
 }

@@ -938,3 +938,79 @@ proptest! {
         }
     }
 }
+
+/// The edge of the box is touched, set as X0, and gone to behind a stop at which something else is done.
+const TOUCHED_OFF: &str = "\
+G21 G90 G94 F3000
+G0 X-10 Y15 Z-15
+G0 Z-30
+G38.2 X10 F300
+#1 = #5061
+G0 X-10
+G10 L20 P1 X[-10 - #1]
+M0
+G1 X-7
+G1 Y20
+M2
+";
+
+/// What a program has found it knows where it goes on, behind lines that are typed in, a stop and a fault alike.
+#[test]
+fn a_program_that_has_probed_is_resumed_with_what_it_found() {
+    #[derive(Clone, Copy, Debug)]
+    enum By {
+        Nothing,
+        Lines,
+        Stop,
+        Fault,
+    }
+    let mut ends = Vec::new();
+    for by in [By::Nothing, By::Lines, By::Stop, By::Fault] {
+        let mut rig = staying_on();
+        rig.goes_on = false;
+        let go = |rig: &mut Rig, command| {
+            rig.command(command);
+            settle(rig);
+        };
+        let file = rig.folder.file("part.ngc", TOUCHED_OFF);
+        go(&mut rig, Command::Load(file));
+        go(&mut rig, Command::Run { from_line: None });
+        assert_eq!(state(&rig), State::Held, "{:?}", rig.events);
+        match by {
+            By::Nothing => {}
+            By::Lines => go(&mut rig, Command::Mdi("(MSG, looked at)".into())),
+            By::Stop => go(&mut rig, Command::Stop),
+            By::Fault => {
+                let fault = Disturbance::Fault(syncline_drives::twin::ErrorClass::StopAndSwitchOff);
+                rig.twin(0).disturb(fault);
+                settle(&mut rig);
+                go(&mut rig, Command::Reset);
+            }
+        }
+        let probed = |rig: &Rig| {
+            rig.events
+                .iter()
+                .filter(|it| matches!(it, Event::Probed { .. }))
+                .count()
+        };
+        assert_eq!(probed(&rig), 1);
+        if !matches!(by, By::Nothing) {
+            go(&mut rig, Command::Resume);
+            assert_eq!(state(&rig), State::Held, "{by:?}: {:?}", rig.problems);
+        }
+        for _ in 0..4 {
+            if state(&rig) == State::Held {
+                go(&mut rig, Command::CycleStart);
+            }
+        }
+        assert_eq!(state(&rig), State::Ready, "{by:?}");
+        assert_eq!(probed(&rig), 1, "nothing is probed once more");
+        ends.push(rig.session.status().setpoint);
+    }
+    assert!(ends.iter().all(|end| *end == ends[0]), "{ends:?}");
+    // The ball touches 2 mm before the edge at X0, from where X-7 is counted.
+    assert!(
+        (ends[0][0] + 9.0).abs() < 0.05 && (ends[0][1] - 20.0).abs() < 1e-9,
+        "{ends:?}"
+    );
+}

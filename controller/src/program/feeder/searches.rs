@@ -99,7 +99,9 @@ impl Feeder {
         } else {
             let at = gcode::Point(self.source.go_on_from(found.at));
             let contact = found.contact.map(gcode::Point);
-            self.interpreter.probed(gcode::Probed { contact, at });
+            let probed = gcode::Probed { contact, at };
+            self.answers.push(gcode::Answer::Probed(probed));
+            self.interpreter.probed(probed);
         }
         self.planner = planner(self.limits, self.bounds, found.at);
         self.first_mark += self.marks.len() as u32;

@@ -1,0 +1,119 @@
+//! What a program does to a machine, looked at before it runs: which axes it homes first, leaves where they are, or whether
+//! it moves any.
+
+use super::Program;
+use crate::machine::{COORDINATES, Position};
+use syncline_gcode::{self as gcode, Action, AxisLetter, AxisSet, Tables};
+
+impl Program {
+    /// The axes that need not be referenced where it begins: those that it homes before it moves any; all where it moves
+    /// none otherwise, and leaves the same tables wherever it begins. Of one that is read as it runs that is not known.
+    #[must_use]
+    pub fn homes_first(&self) -> AxisSet {
+        if self.stream {
+            return AxisSet::NONE;
+        }
+        let [here, there] = [0.0, 1.0].map(|at| self.homed_from([at; COORDINATES]));
+        let (Some((homed, left)), Some((also, leaves))) = (here, there) else {
+            return AxisSet::NONE;
+        };
+        let homed: AxisSet = homed.iter().filter(|axis| also.contains(*axis)).collect();
+        match left.is_some() && left == leaves && !homed.is_empty() {
+            true => self.setup.axes,
+            false => homed,
+        }
+    }
+
+    /// Which axes it homes before it moves any, and with which tables it ends if it moves none. Where it is begun in its
+    /// middle, the way there comes first.
+    fn homed_from(&self, start: Position) -> Option<(AxisSet, Option<Tables>)> {
+        let (mut interpreter, entry) = self.interpret(start).ok()?;
+        let begins_at = entry.map_or(start, |entry| entry.at.0);
+        let rests = |axis: &AxisLetter| begins_at[axis.index()] == start[axis.index()];
+        let mut homed = AxisSet::NONE;
+        while let Some(Ok(command)) = interpreter.next() {
+            match command.action {
+                Action::Home { axes, to } => {
+                    axes.iter()
+                        .filter(rests)
+                        .for_each(|axis| homed.insert(axis));
+                    interpreter.homed(to);
+                }
+                Action::Rapid { .. }
+                | Action::Feed { .. }
+                | Action::Arc { .. }
+                | Action::Spline { .. }
+                | Action::Thread { .. }
+                | Action::Tap { .. }
+                | Action::Probe { .. }
+                | Action::ReadSignals { .. } => return Some((homed, None)),
+                _ => {}
+            }
+        }
+        let rests = self.setup.axes.iter().all(|axis| rests(&axis));
+        Some((homed, rests.then(|| interpreter.tables().clone())))
+    }
+
+    /// Whether it moves no axis of a machine that stands `here`, and turns no spindle.
+    #[must_use]
+    pub fn is_still(&self, here: &Position) -> bool {
+        let Ok((mut interpreter, _)) = self.interpret(*here) else {
+            // What is wrong with it is told by who runs it.
+            return true;
+        };
+        while let Some(Ok(command)) = interpreter.next() {
+            let is_still = match &command.action {
+                Action::Spindle(spindle) => *spindle == spindle.stopped(),
+                Action::Home { .. } | Action::Probe { .. } | Action::Tap { .. } => false,
+                action => action.leads_to().is_none_or(|to| to.0 == *here),
+            };
+            if !is_still {
+                return false;
+            }
+        }
+        !interpreter.awaits_machine()
+    }
+
+    /// Of the axes that are `asked` about those that it leaves where they are, at a machine that stands `here`, and for
+    /// which it does the same wherever that is.
+    #[must_use]
+    pub fn leaves(&self, here: &Position, asked: impl Fn(AxisLetter) -> bool) -> AxisSet {
+        let axes = self.setup.axes.iter().filter(|axis| asked(*axis));
+        axes.filter(|&axis| self.leaves_axis(axis, here).unwrap_or(false))
+            .collect()
+    }
+
+    /// Whether it leaves an axis where it is and does the same if that is elsewhere; `None` for what cannot be said of a
+    /// program before it runs.
+    fn leaves_axis(&self, axis: AxisLetter, here: &Position) -> Option<bool> {
+        let mut elsewhere = *here;
+        elsewhere[axis.index()] += 1.0;
+        let starts = [*here, elsewhere].map(gcode::Point);
+        let (mut one, _) = self.interpret(*here).ok()?;
+        let (mut other, _) = self.interpret(elsewhere).ok()?;
+        loop {
+            let actions = match (one.next(), other.next()) {
+                (None, None) => break,
+                (Some(it), Some(also)) => [it.ok()?.action, also.ok()?.action],
+                _ => return None,
+            };
+            if let [Action::Home { axes, to }, Action::Home { to: also, .. }] = actions {
+                if axes.contains(axis) {
+                    return Some(false);
+                }
+                one.homed(to);
+                other.homed(also);
+            }
+            let mut stays = actions.iter().zip(starts).map(|(action, start)| {
+                (action.leads_to()).is_none_or(|to| to[axis] == start[axis])
+            });
+            let [it, also] = actions.clone().map(|action| action.with_axis_at(axis, 0.0));
+            if !stays.all(|stays| stays) || it != also {
+                return Some(false);
+            }
+        }
+        let knows = !one.awaits_machine() && !other.awaits_machine();
+        let leaves = one.tables() == other.tables() && one.memory() == other.memory();
+        knows.then_some(leaves)
+    }
+}
