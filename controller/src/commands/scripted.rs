@@ -13,7 +13,7 @@ use crate::observe::Observers;
 use crate::observe::summary::Summary;
 use crate::run::Progress;
 use crate::run::virtual_time::VirtualMachine;
-use crate::session::{Command, Event, NotTaken, Operator, Session, Status, Subscription};
+use crate::session::{Command, Event, NotTaken, Operator, Session, Status, Subscription, Taken};
 use crate::validate::{Inputs, judged};
 use std::error::Error;
 use std::path::Path;
@@ -209,11 +209,10 @@ impl Script {
     /// Whether there was room for a command.
     fn command(&mut self, command: Command, now: Duration) -> Result<bool, NotTaken> {
         match self.operator.command(command) {
-            Ok(()) => {}
+            Ok(taken) => self.unanswered += usize::from(taken == Taken::Queued),
             Err(NotTaken::Busy) => return Ok(false),
             Err(over) => return Err(over),
         }
-        self.unanswered += 1;
         self.busy = now;
         Ok(true)
     }

@@ -345,7 +345,7 @@ impl Script {
             match self.operator.command(command.clone()) {
                 Err(NotTaken::Busy) => return Ok(()),
                 taken => taken?,
-            }
+            };
             self.events.pass();
         }
         if self.events.left().is_none() && time - self.last_moved > PATIENCE {

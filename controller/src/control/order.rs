@@ -310,12 +310,15 @@ impl<const N: usize> Controller<N> {
 
     /// The overrides that leave nothing of the speed for what is ordered.
     fn lacks_speed(&self, order: &Order<N>) -> Option<ZeroOverrides> {
-        let ZeroOverrides { feed, rapid } = self.zero_overrides();
-        let zero = |feed, rapid| (feed || rapid).then_some(ZeroOverrides { feed, rapid });
         match order {
             Order::CycleStart | Order::Resume => self.rests_for_speed(),
-            Order::Retrace => zero(feed, false),
-            Order::Home(_) => zero(false, rapid),
+            Order::Retrace => {
+                let zero = ZeroOverrides {
+                    rapid: false,
+                    ..self.zero_overrides()
+                };
+                zero.feed.then_some(zero)
+            }
             _ => None,
         }
     }

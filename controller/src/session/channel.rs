@@ -54,6 +54,15 @@ struct Given {
     issued: Issued,
 }
 
+/// What became of a command that is taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Taken {
+    /// It waits, and will be told as accepted or refused with the name of its source.
+    Queued,
+    /// One of the same kind waits, which does for both and is told once, with the name of whoever gave it.
+    Merged,
+}
+
 /// Why a command is not taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NotTaken {
@@ -72,7 +81,7 @@ impl Operator {
     ///
     /// # Errors
     /// It is not taken.
-    pub fn command(&self, command: Command) -> Result<(), NotTaken> {
+    pub fn command(&self, command: Command) -> Result<Taken, NotTaken> {
         let stops = command == Command::Stop;
         let issued = Issued {
             source: Arc::clone(&self.name),
@@ -85,16 +94,18 @@ impl Operator {
             return match lanes.stops.try_send(issued) {
                 Err(TrySendError::Disconnected(_)) => Err(NotTaken::Over),
                 // The stop that waits is as good.
-                Ok(()) | Err(TrySendError::Full(_)) => Ok(()),
+                Err(TrySendError::Full(_)) => Ok(Taken::Merged),
+                Ok(()) => Ok(Taken::Queued),
             };
         }
         match lanes.commands.try_send(Given { number, issued }) {
-            Ok(()) => Ok(()),
+            Ok(()) => Ok(Taken::Queued),
             Err(TrySendError::Disconnected(_)) => Err(NotTaken::Over),
             Err(TrySendError::Full(given)) if given.issued.command == Command::SwitchOff => {
                 match lanes.switch_offs.try_send(given.issued) {
                     Err(TrySendError::Disconnected(_)) => Err(NotTaken::Over),
-                    Ok(()) | Err(TrySendError::Full(_)) => Ok(()),
+                    Err(TrySendError::Full(_)) => Ok(Taken::Merged),
+                    Ok(()) => Ok(Taken::Queued),
                 }
             }
             Err(TrySendError::Full(_)) => Err(NotTaken::Busy),
@@ -310,11 +321,15 @@ mod tests {
         let [crowd, person] = ["crowd", "person"].map(|name| inlet.operator(name));
         while crowd.command(Command::Retrace).is_ok() {}
         assert_eq!(crowd.command(Command::FeedHold), Err(NotTaken::Busy));
-        for _ in 0..2 * STOPS {
-            assert_eq!(person.command(Command::Stop), Ok(()));
-        }
-        for _ in 0..2 * SWITCH_OFFS {
-            assert_eq!(person.command(Command::SwitchOff), Ok(()));
+        // Those that wait do for all, and are told once.
+        for (command, waiting) in [(Command::Stop, STOPS), (Command::SwitchOff, SWITCH_OFFS)] {
+            for count in 0..2 * waiting {
+                let taken = match count < waiting {
+                    true => Taken::Queued,
+                    false => Taken::Merged,
+                };
+                assert_eq!(person.command(command.clone()), Ok(taken));
+            }
         }
         let mut taken = inlet.commands();
         let (first, _) = taken.next().unwrap();

@@ -32,7 +32,7 @@ mod remaining;
 mod settings;
 mod status;
 
-pub use channel::{Accepted, Event, NotTaken, Operator, Refused, Subscription};
+pub use channel::{Accepted, Event, NotTaken, Operator, Refused, Subscription, Taken};
 pub use command::{Command, Direction, Jog, Refusal};
 pub use recorded::Recorded;
 pub use settings::{LEAST, MOST_FEED, MOST_RAPID, Override, Settings, StepChange, SwitchChange};
@@ -603,6 +603,11 @@ impl Desk {
                         if let Some(drive) = drive {
                             self.status.drives[drive] = power;
                         }
+                    }
+                    // Before the first row says so.
+                    control::Event::Frozen { axis, position } => {
+                        let at = self.coordinates[axis];
+                        (self.status.setpoint[at], self.status.actual[at]) = (position, position);
                     }
                     control::Event::Input { input, on } => self.status.inputs[input] = on,
                     control::Event::Output { output, on } => self.status.outputs[output] = on,

@@ -306,6 +306,24 @@ fn a_console_tells_an_input_by_its_name() {
     assert!(!told.contains("DI4"), "{told}");
 }
 
+/// A line that is no text, or without end, is told, and those behind it are done.
+#[test]
+fn lines_that_are_none_keep_nobody_from_those_behind_them() {
+    let folder = Folder::new();
+    let machine = folder.file("machine.toml", &machine_with("xyz", &[]));
+    let mut lines = b"jog X+1\nmdi (MSG, f\xFCr) G0 X3\n".to_vec();
+    lines.extend([b'x'; 10_000]);
+    lines.extend(b"\nmdi (MSG, the last) G4 P0.1\nstatus\n");
+    let told = console_by_lines(&machine, &lines);
+    for part in [
+        "not done, as it is no UTF-8: mdi (MSG, f",
+        "not done, as a line has 4096 bytes at most",
+        "the last",
+    ] {
+        assert!(told.contains(part), "no {part:?} in {told}");
+    }
+}
+
 /// What the machine refuses has not been at work.
 #[test]
 fn a_line_that_is_refused_is_never_told_as_at_work() {
@@ -331,7 +349,7 @@ fn a_console_tells_that_a_gantry_is_taken_square() {
 }
 
 /// What a console tells that is given these lines, in real time, until the machine is off.
-fn console_by_lines(machine: &Path, lines: &str) -> String {
+fn console_by_lines(machine: &Path, lines: impl AsRef<[u8]>) -> String {
     let mut console = syncline();
     console.arg("console").arg(machine);
     let console = console
@@ -340,7 +358,7 @@ fn console_by_lines(machine: &Path, lines: &str) -> String {
         .stderr(Stdio::piped());
     let mut console = console.spawn().expect("it starts");
     let mut input = console.stdin.take().unwrap();
-    input.write_all(lines.as_bytes()).unwrap();
+    input.write_all(lines.as_ref()).unwrap();
     drop(input);
     let output = console.wait_with_output().unwrap();
     let (code, told, errors) = ended(&output);

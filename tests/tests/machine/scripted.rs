@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use syncline_tests::command::{Folder, ended, machine_file, root, syncline};
+use syncline_tests::command::{Folder, ended, machine_file, machine_with, root, syncline};
 
 /// What `validate` makes of a day: its exit code, JSON and what it told.
 struct Day {
@@ -68,6 +68,33 @@ impl Day {
             };
             rest = behind;
         }
+    }
+}
+
+/// Also before the first cycle of its own says so.
+#[test]
+fn where_the_axes_stand_is_known_as_the_machine_gets_ready() {
+    let folder = Folder::new();
+    let limits = "soft_limits = [-250.0, 250.0]\n";
+    let start = format!("{limits}simulation = {{ start = 7.0 }}\n");
+    let machine = folder.file("machine.toml", &machine_with("xyz", &[(limits, &start)]));
+    let day = Day::of(&machine, ",jog,X+1\n", &[]);
+    let (_, first) = day.told.split_once("ready: work ").expect("it gets ready");
+    let first = first.lines().next().unwrap_or_default();
+    assert!(first.contains("X7.000"), "{first}");
+}
+
+/// Stops that fall together are one: whoever gave the other waits for no answer to it.
+#[test]
+fn stops_that_fall_together_hold_up_nothing() {
+    for stops in [
+        "0.01,stop,",
+        "0.01,stop,\n0.01,stop,\n0.01,switch_off,\n0.01,switch_off,",
+    ] {
+        let events = format!(",jog,X+5\n,stop,\n{stops}\n,jog,X-2\n,mdi,G91 G0 Y1\n");
+        let day = Day::of(&machine_file("xyz"), &events, &[]);
+        assert_eq!(day.code, 0, "{}", day.told);
+        assert_eq!(day.json["outcome"], "switched off");
     }
 }
 

@@ -7,11 +7,11 @@ use crate::control::{Event as MachineEvent, HOLD_TO_RUN, Layout, State};
 use crate::machine::Machine;
 use crate::run::Timeline;
 use crate::session::{
-    Command, Event, Jog, NotTaken, Operator, Session, Status, StatusView, Subscription,
+    Command, Event, Jog, NotTaken, Operator, Session, Status, StatusView, Subscription, Taken,
 };
 use crossbeam::channel::{self, Receiver, RecvTimeoutError};
 use std::collections::VecDeque;
-use std::io;
+use std::io::{self, BufRead, Read};
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
@@ -26,6 +26,9 @@ const LOOK: Duration = Duration::from_millis(20);
 const LINES: usize = 64;
 /// The line that waits for nothing but what is under way.
 const WAIT: &str = "wait";
+
+/// Bytes of a line at most, with its end.
+const LONGEST: u64 = 4096;
 
 /// What is told to who asks.
 const HELP: &str = "\
@@ -62,8 +65,16 @@ pub(super) fn listen(
     let teller = Teller::new(session, machine, layout, verbose);
     let spawn = |name: &str| thread::Builder::new().name(name.into());
     spawn("input").spawn(move || {
-        for line in io::stdin().lines().map_while(Result::ok) {
-            if give.send(line).is_err() {
+        let mut input = io::stdin().lock();
+        while let Ok(Some(line)) = next_line(&mut input) {
+            let said = match line {
+                Ok(line) => give.send(line).map_err(drop),
+                Err(why) => {
+                    println!("{why}");
+                    Ok(())
+                }
+            };
+            if said.is_err() {
                 return;
             }
         }
@@ -76,6 +87,23 @@ pub(super) fn listen(
             }
         }
     })
+}
+
+/// The next line, or why it is none to obey; `None` behind the last one.
+fn next_line(input: &mut impl BufRead) -> io::Result<Option<Result<String, String>>> {
+    let mut line = Vec::new();
+    if input.take(LONGEST).read_until(b'\n', &mut line)? == 0 {
+        return Ok(None);
+    }
+    if !line.ends_with(b"\n") && line.len() as u64 == LONGEST {
+        input.skip_until(b'\n')?;
+        let why = format!("not done, as a line has {LONGEST} bytes at most");
+        return Ok(Some(Err(why)));
+    }
+    Ok(Some(String::from_utf8(line).map_err(|line| {
+        let line = String::from_utf8_lossy(line.as_bytes()).trim().to_owned();
+        format!("not done, as it is no UTF-8: {line}")
+    })))
 }
 
 /// Obeys lines.
@@ -179,14 +207,16 @@ impl Reader {
     }
 
     fn command(&mut self, command: Command) -> Result<(), NotTaken> {
-        while let Err(reason) = self.operator.command(command.clone()) {
-            match reason {
-                NotTaken::Busy => thread::sleep(LOOK),
-                NotTaken::Over => return Err(reason),
+        loop {
+            match self.operator.command(command.clone()) {
+                Ok(taken) => {
+                    self.unanswered += usize::from(taken == Taken::Queued);
+                    return Ok(());
+                }
+                Err(NotTaken::Busy) => thread::sleep(LOOK),
+                Err(NotTaken::Over) => return Err(NotTaken::Over),
             }
         }
-        self.unanswered += 1;
-        Ok(())
     }
 
     fn help(&self) {

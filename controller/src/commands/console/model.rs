@@ -5,7 +5,9 @@ use super::signals::Signals;
 use super::values;
 use crate::control::{Event as MachineEvent, Layout, State, Switch};
 use crate::machine::{Axis, Machine};
+use crate::program::moved;
 use crate::session::{Event, Status};
+use std::array;
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::Read;
@@ -58,12 +60,14 @@ impl Model {
     /// Takes how things are now.
     pub(super) fn take(&mut self, status: Status) {
         self.speed = actual_speed(&self.status, &status).unwrap_or(self.speed);
-        if status.program != self.file {
+        let works = matches!(status.state, State::Running | State::Mdi | State::Held);
+        // A file may have been changed since the last job.
+        let begins = works && self.began.is_none();
+        if status.program != self.file || begins {
             self.file = status.program.clone();
             let text = self.file.as_deref().and_then(read);
             self.take_text(&text.unwrap_or_default());
         }
-        let works = matches!(status.state, State::Running | State::Mdi | State::Held);
         let time = status.time.unwrap_or_default();
         self.began = self.began.filter(|_| works).or(works.then_some(time));
         if let Some(began) = self.began {
@@ -145,18 +149,38 @@ fn read(file: &Path) -> Option<String> {
     Some(String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// How fast the axes moved between two looks, together; `None` where no time has passed.
+/// How fast those axes moved between two looks whose speed F counts in what is planned; `None` where no time has passed.
 fn actual_speed(before: &Status, now: &Status) -> Option<f64> {
     let passed = now.time? - before.time?;
-    let squares = now.actual.iter().zip(&before.actual);
-    let way: f64 = squares.map(|(now, before)| (now - before).powi(2)).sum();
-    (passed > 0.0).then(|| way.sqrt() / passed)
+    let mut planned = moved(&now.velocity).into_iter();
+    let counted = planned.position(|speed| speed > 0.0).unwrap_or_default();
+    let ways = moved(&array::from_fn(|at| now.actual[at] - before.actual[at]));
+    (passed > 0.0).then(|| ways[counted] / passed)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use syncline_gcode::Output;
+
+    /// Degrees are not added to millimetres: what turns is told alone where nothing else moves, and not beside a path.
+    #[test]
+    fn the_actual_speed_is_that_which_f_counts() {
+        let looked = |velocity: [f64; 2], actual: [f64; 2]| {
+            let mut status = Status {
+                time: Some(0.0),
+                ..Status::default()
+            };
+            let before = status.clone();
+            status.time = Some(0.5);
+            (status.velocity[0], status.velocity[3]) = (velocity[0], velocity[1]);
+            (status.actual[0], status.actual[3]) = (actual[0], actual[1]);
+            actual_speed(&before, &status)
+        };
+        assert_eq!(looked([10.0, 60.0], [5.0, 30.0]), Some(10.0));
+        assert_eq!(looked([0.0, 60.0], [0.001, 30.0]), Some(60.0));
+        assert_eq!(looked([0.0, 0.0], [0.001, 0.5]), Some(0.002));
+    }
 
     /// A program that switches outputs all the time pushes nothing out: the screen has a row for them. What has no row is
     /// told.

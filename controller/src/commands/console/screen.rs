@@ -292,7 +292,7 @@ impl Keyboard {
                 self.show(Screen::Tell(NotTaken::Busy.to_string()));
                 Ok(())
             }
-            taken => taken,
+            taken => taken.map(|_| ()),
         }
     }
 }
