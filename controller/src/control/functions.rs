@@ -137,7 +137,7 @@ impl Switches {
         Self {
             functions: MachineFunctions::default(),
             tool_before: 0,
-            safe: false,
+            safe: true,
             kept: Kept::default(),
             executed: 0,
             waiting,

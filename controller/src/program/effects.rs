@@ -3,7 +3,7 @@
 
 use super::Program;
 use crate::machine::{COORDINATES, Position};
-use syncline_gcode::{self as gcode, Action, AxisLetter, AxisSet, Tables};
+use syncline_gcode::{self as gcode, Action, AxisLetter, AxisSet, Output, Tables};
 
 impl Program {
     /// The axes that need not be referenced where it begins: those that it homes before it moves any; all where it moves
@@ -54,7 +54,8 @@ impl Program {
         Some((homed, rests.then(|| interpreter.tables().clone())))
     }
 
-    /// Whether it moves no axis of a machine that stands `here`, and turns no spindle.
+    /// Whether it moves no axis of a machine that stands `here`, turns no spindle, and runs no command of the user's, which
+    /// may move what nobody here knows of.
     #[must_use]
     pub fn is_still(&self, here: &Position) -> bool {
         let Ok((mut interpreter, _)) = self.interpret(*here) else {
@@ -64,7 +65,10 @@ impl Program {
         while let Some(Ok(command)) = interpreter.next() {
             let is_still = match &command.action {
                 Action::Spindle(spindle) => *spindle == spindle.stopped(),
-                Action::Home { .. } | Action::Probe { .. } | Action::Tap { .. } => false,
+                Action::Home { .. }
+                | Action::Probe { .. }
+                | Action::Tap { .. }
+                | Action::Output(Output::User { .. }) => false,
                 action => action.leads_to().is_none_or(|to| to.0 == *here),
             };
             if !is_still {

@@ -2,7 +2,7 @@
 //! outputs are as the program has them there, also those that were switched by hand before it.
 
 use super::day::{go, mdi, settle, state};
-use super::io_nodes::{output, outputs, staying_on};
+use super::io_nodes::{WIRED, output, outputs, staying_on};
 use proptest::prelude::*;
 use proptest::sample::select;
 use std::fmt::Write as _;
@@ -10,6 +10,7 @@ use syncline_controller::control::{Event, State};
 use syncline_controller::session::{Command, Jog, Override, Refusal};
 use syncline_drives::twin::{Disturbance, ErrorClass};
 use syncline_gcode::AxisLetter;
+use syncline_tests::command::{Folder, ended, machine_with, syncline};
 use syncline_tests::rig::Rig;
 
 /// The valve is on, the clamp, which is active low, is off.
@@ -286,4 +287,35 @@ fn a_rapid_override_of_0_is_told_of_a_jog() {
     let waiting = rig.session.status().waiting;
     let waiting = waiting.map(|it| it.describe(|_| "")).unwrap_or_default();
     assert_eq!(waiting, "the rapid override is 0: raise it to go on");
+}
+
+/// Also of a machine that is switched on for it: what is safe where it is on stays on.
+#[test]
+fn the_one_program_of_a_machine_begins_at_a_line_with_what_is_safe() {
+    let (enable, rest) = WIRED
+        .split_once("[[input]]\nname = \"enable\"")
+        .expect("it has one");
+    let (_, rest) = rest.split_once("[[input]]").expect("and another one");
+    let wired = format!("{enable}[[input]]{rest}");
+    let folder = Folder::new();
+    let machine = folder.file(
+        "machine.toml",
+        &machine_with("portal", &[("[machine]\n", &wired)]),
+    );
+    let program = folder.file(
+        "part.ngc",
+        "G21 G90 F3000\nM64 P2\nG1 X10\nM65 P1\nG1 X20\nG1 X30\nM2\n",
+    );
+    for (from, goes_off) in [(None, true), (Some("6"), false)] {
+        let mut validate = syncline();
+        validate
+            .args(["validate", "--verbose"])
+            .args([&machine, &program]);
+        validate.args(from.map(|line| ["--from-line", line]).into_iter().flatten());
+        let output = validate.output().unwrap();
+        let (code, told, errors) = ended(&output);
+        let told = format!("{told}{errors}");
+        assert_eq!(code, 0, "{told}");
+        assert_eq!(told.contains("output \"clamp\" off"), goes_off, "{told}");
+    }
 }

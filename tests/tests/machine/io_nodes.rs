@@ -17,7 +17,7 @@ use super::day::{go, settle, state};
 /// The node's place behind the drives of the machine file.
 const IO: usize = 4;
 
-const WIRED: &str = r#"
+pub(super) const WIRED: &str = r#"
 [[io]]
 name = "cabinet"
 bus = "portal"

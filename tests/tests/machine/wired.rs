@@ -274,6 +274,58 @@ fn nothing_goes_on_while_a_door_is_open() {
     assert_eq!(rig.finish(), End::Finished);
 }
 
+/// What moves no axis, turns no spindle and runs no command of the user's is done under an open door, in ready and in a hold.
+#[test]
+fn typed_lines_that_move_nothing_are_done_while_a_door_is_open() {
+    let lines = [
+        ("M5", true),
+        ("M9", true),
+        ("M64 P1", true),
+        ("(MSG, closed)", true),
+        ("G10 L2 P1 X1", true),
+        ("G4 P0.01", true),
+        ("G0 X100", true),
+        ("G0 X101", false),
+        ("G91 G1 Y0.1 F100", false),
+        ("M3 S100", false),
+        ("M5\nM4 S100", false),
+    ];
+    for held in [false, true] {
+        let mut rig = Rig::staying_on("portal", &[("[machine]\n", WIRED)], |_, _| ());
+        rig.goes_on = false;
+        set(&mut rig, ENABLE, true);
+        homing::settle(&mut rig);
+        let end = if held { "M0" } else { "M2" };
+        let text = format!("G21 G90 F6000\nM3 S500\nG1 X100\n{end}\nG1 X0\nM2\n");
+        let file = rig.folder.file("part.ngc", &text);
+        homing::go(&mut rig, Command::Load(file));
+        homing::go(&mut rig, Command::Run { from_line: None });
+        let rests = state(&rig);
+        assert_eq!(rests, if held { State::Held } else { State::Ready });
+        set(&mut rig, DOOR, true);
+        goes_on_after(&mut rig, 10);
+        for (line, is_done) in lines {
+            let (before, rows) = (rig.refused.len(), rig.rows.len());
+            let problems = rig.problems.len();
+            homing::go(&mut rig, Command::Mdi(line.to_owned()));
+            let refused = rig.refused[before..].to_vec();
+            assert_eq!(
+                refused.is_empty(),
+                is_done,
+                "{line}, held {held}: {refused:?}"
+            );
+            assert_eq!(rig.problems.len(), problems, "{line}: {:?}", rig.problems);
+            assert!(
+                rig.rows[rows..]
+                    .iter()
+                    .all(|row| row.plan.velocity == [0.0; 9]),
+                "{line}"
+            );
+            assert_eq!(state(&rig), rests, "{line}");
+        }
+    }
+}
+
 /// Whatever would set something going is refused with the reason, in every state in which it could, and neither that nor the
 /// input's going off begins anything. A refused command leaves no trace in the states that are told.
 #[test]
