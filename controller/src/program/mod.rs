@@ -123,6 +123,7 @@ enum Source {
 
 /// Where a program is entered, if not at its beginning.
 #[derive(Clone, Copy, Debug)]
+#[allow(clippy::large_enum_variant)] // a program has one of them
 enum Entered {
     /// At a line, from where the machine stands.
     AtLine(u32),
