@@ -91,25 +91,25 @@ impl Operator {
         let number = lanes.count.fetch_add(1, Ordering::SeqCst) + 1;
         if stops {
             lanes.last_stop.fetch_max(number, Ordering::SeqCst);
-            return match lanes.stops.try_send(issued) {
-                Err(TrySendError::Disconnected(_)) => Err(NotTaken::Over),
-                // The stop that waits is as good.
-                Err(TrySendError::Full(_)) => Ok(Taken::Merged),
-                Ok(()) => Ok(Taken::Queued),
-            };
+            return queued_or_merged(&lanes.stops, issued);
         }
         match lanes.commands.try_send(Given { number, issued }) {
             Ok(()) => Ok(Taken::Queued),
             Err(TrySendError::Disconnected(_)) => Err(NotTaken::Over),
             Err(TrySendError::Full(given)) if given.issued.command == Command::SwitchOff => {
-                match lanes.switch_offs.try_send(given.issued) {
-                    Err(TrySendError::Disconnected(_)) => Err(NotTaken::Over),
-                    Err(TrySendError::Full(_)) => Ok(Taken::Merged),
-                    Ok(()) => Ok(Taken::Queued),
-                }
+                queued_or_merged(&lanes.switch_offs, given.issued)
             }
             Err(TrySendError::Full(_)) => Err(NotTaken::Busy),
         }
+    }
+}
+
+/// Gives a command to a lane where the one that waits is as good.
+fn queued_or_merged(lane: &Sender<Issued>, issued: Issued) -> Result<Taken, NotTaken> {
+    match lane.try_send(issued) {
+        Ok(()) => Ok(Taken::Queued),
+        Err(TrySendError::Full(_)) => Ok(Taken::Merged),
+        Err(TrySendError::Disconnected(_)) => Err(NotTaken::Over),
     }
 }
 
@@ -303,6 +303,42 @@ impl Subscription {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Whoever counts what is queued is answered as often, however many stop and switch off at once.
+        #[test]
+        fn each_source_is_answered_as_often_as_it_counts(
+            given in prop::collection::vec((0_usize..3, 0..4_u8), 0..600),
+        ) {
+            let inlet = Inlet::default();
+            let names = ["lines", "signals", "keys"];
+            let operators = names.map(|name| inlet.operator(name));
+            let mut unanswered = [0_usize; 3];
+            let hear = |unanswered: &mut [usize; 3]| {
+                for (issued, _) in inlet.commands() {
+                    let source = names.iter().position(|name| **name == *issued.source).unwrap();
+                    unanswered[source] -= 1;
+                }
+            };
+            for (source, what) in given {
+                let command = match what {
+                    0 => Command::Stop,
+                    1 => Command::SwitchOff,
+                    2 => Command::Retrace,
+                    _ => Command::FeedHold,
+                };
+                if operators[source].command(command) == Ok(Taken::Queued) {
+                    unanswered[source] += 1;
+                }
+                if what == 3 && source == 2 && unanswered[2] > 90 {
+                    hear(&mut unanswered);
+                }
+            }
+            hear(&mut unanswered);
+            prop_assert_eq!(unanswered, [0; 3]);
+        }
+    }
 
     #[test]
     fn events_come_once_the_status_shows_them() {
