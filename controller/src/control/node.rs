@@ -84,8 +84,10 @@ pub(super) struct DeviceNode {
     pub(super) setpoint: Setpoint,
     /// Its R_PDOs, as last encoded.
     r_pdos: Vec<Frame>,
-    /// It may hear no R_PDOs: what it was told by SDO in their place. None of an I/O node that is heard, nor of others.
-    told_by_sdo: Option<Vec<Frame>>,
+    /// An I/O node that may hear no R_PDOs: it is told by SDO as well what they carry.
+    is_deaf: bool,
+    /// The R_PDOs as last told by SDO.
+    told_by_sdo: Vec<Frame>,
 }
 
 impl DeviceNode {
@@ -136,7 +138,8 @@ impl DeviceNode {
             r_pdos: (spec.r_pdos.iter())
                 .map(|pdo| Frame::new(pdo.cob_id, &[]))
                 .collect(),
-            told_by_sdo: None,
+            is_deaf: false,
+            told_by_sdo: Vec::with_capacity(spec.r_pdos.len()),
         }
     }
 
@@ -397,7 +400,8 @@ impl DeviceNode {
         self.guarding = None;
         self.polls = Polls::NONE;
         self.polled = None;
-        self.told_by_sdo = None;
+        self.is_deaf = false;
+        self.told_by_sdo.clear();
         self.come = 0;
     }
 
@@ -550,13 +554,13 @@ impl DeviceNode {
     /// and they would stay as they are.
     pub(super) fn tell_by_sdo(&mut self) {
         if let Device::Io(_) = self.device {
-            self.told_by_sdo.get_or_insert_default();
+            self.is_deaf = true;
         }
     }
 
     /// Whether what it is told is told by SDO as well.
     pub(super) fn is_told_by_sdo(&self) -> bool {
-        self.is_quick_stopped() || self.told_by_sdo.is_some()
+        self.is_quick_stopped() || self.is_deaf
     }
 
     /// Whether it was told to come to rest by itself, and follows no setpoints.
@@ -637,9 +641,8 @@ impl DeviceNode {
             Device::Encoder(_) => {}
             Device::Io(io) => io.encode(&mut self.r_pdos),
         }
-        let told = self.told_by_sdo.as_mut();
-        if let Some(told) = told.filter(|told| **told != self.r_pdos) {
-            told.clone_from(&self.r_pdos);
+        if self.is_deaf && self.told_by_sdo != self.r_pdos {
+            self.told_by_sdo.clone_from(&self.r_pdos);
             self.write_outputs();
         }
     }
@@ -745,7 +748,7 @@ impl DeviceNode {
         self.polls = Polls::NONE;
         self.sequence.clear();
         self.torque.forget_steps();
-        if in_reach && self.told_by_sdo.is_some() {
+        if in_reach && self.is_deaf {
             self.write_outputs();
         }
         if in_reach && self.sequence.has_identified() {
