@@ -282,7 +282,7 @@ fn typed_lines_that_move_nothing_are_done_while_a_door_is_open() {
         ("M9", true),
         ("M64 P1", true),
         ("(MSG, closed)", true),
-        ("G10 L2 P1 X1", true),
+        ("G10 L2 P2 X1", true),
         ("G4 P0.01", true),
         ("G0 X100", true),
         ("G0 X101", false),
