@@ -17,7 +17,7 @@
 //! the path goes on; without a job what was switched by hand is what the next job begins with.
 
 use super::Layout;
-use super::{Controller, Event, Job, JobKind, Pause, Phase, Request, StopPoint, event_sink};
+use super::{Controller, Event, Job, JobKind, Phase, Request, event_sink};
 use crate::machine::{AnalogSource, OutputSwitch};
 use std::collections::VecDeque;
 use std::fmt;
@@ -115,6 +115,8 @@ pub(super) struct Switches {
     pub(super) functions: MachineFunctions,
     /// The tool before the one that was loaded last.
     tool_before: u32,
+    /// The tool that an operator was asked to load and has not confirmed, and the one before.
+    unconfirmed: Option<(u32, u32)>,
     /// Outputs have their safe values, whatever was switched.
     safe: bool,
     kept: Kept,
@@ -137,6 +139,7 @@ impl Switches {
         Self {
             functions: MachineFunctions::default(),
             tool_before: 0,
+            unconfirmed: None,
             safe: true,
             kept: Kept::default(),
             executed: 0,
@@ -312,15 +315,20 @@ impl<const N: usize> Controller<N> {
         self.switches.functions.outputs
     }
 
+    /// The path rests for an operator to change the tool.
+    pub(super) fn ask_for_tool(&mut self, asked: u32) {
+        self.switches.unconfirmed = Some((asked, self.switches.tool_before));
+    }
+
+    /// The tool that was asked for is the one in the spindle.
+    pub(super) fn confirm_tool(&mut self) {
+        self.switches.unconfirmed = None;
+    }
+
     /// A tool change that an operator has not confirmed as the job ends was none.
     pub(super) fn give_tool_change_up(&mut self) {
-        if let Some(StopPoint::Pause {
-            reason: Pause::ToolChange(asked),
-            line,
-        }) = self.reached()
-        {
-            let tool = self.switches.tool_before;
-            let switch = Switch::Tool(tool);
+        if let Some((asked, tool)) = self.switches.unconfirmed.take() {
+            let (line, switch) = (self.switches.functions.line, Switch::Tool(tool));
             self.switches.functions.switch(line, switch);
             self.tell(Event::Switched { line, switch });
             self.tell(Event::ToolNotChanged { asked, tool });

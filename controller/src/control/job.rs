@@ -120,6 +120,7 @@ impl<const N: usize> Controller<N> {
     /// Begins a job where the machine rests.
     pub(super) fn begin(&mut self, job: Job) {
         self.job = Some(job);
+        self.confirm_tool();
         self.begun = false;
         self.stop_point = None;
         self.calls.restart();
@@ -159,6 +160,8 @@ impl<const N: usize> Controller<N> {
         }
         if self.job.is_some() {
             self.aside = Aside::Rests;
+            // Lines are typed for the tool that is there.
+            self.confirm_tool();
             self.end_job(Outcome::SetAside);
             self.tell(Event::SetAside);
         }
@@ -336,6 +339,7 @@ impl<const N: usize> Controller<N> {
             if !matches!(self.reached(), Some(StopPoint::Orient { .. })) {
                 self.executor.pass();
             }
+            self.confirm_tool();
             // Held besides, it stays so.
             self.tell(match self.executor.is_held() {
                 true => Event::Held(self.holds()),

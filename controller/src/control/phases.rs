@@ -432,6 +432,9 @@ impl<const N: usize> Controller<N> {
             }) if !self.optional_stop => self.executor.pass(),
             Some(StopPoint::Pause { reason, line }) => {
                 self.pause_told = true;
+                if let Pause::ToolChange(asked) = reason {
+                    self.ask_for_tool(asked);
+                }
                 self.tell(Event::Paused { line, reason });
             }
             None => {}

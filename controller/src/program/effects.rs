@@ -5,6 +5,9 @@ use super::Program;
 use crate::machine::{COORDINATES, Position};
 use syncline_gcode::{self as gcode, Action, AxisLetter, AxisSet, Output, Tables};
 
+/// Commands that are looked at for whether they move anything.
+const MOST_STILL: usize = 1000;
+
 impl Program {
     /// The axes that need not be referenced where it begins: those that it homes before it moves any; all where it moves
     /// none otherwise, and leaves the same tables wherever it begins. Of one that is read as it runs that is not known.
@@ -55,27 +58,46 @@ impl Program {
     }
 
     /// Whether it moves no axis of a machine that stands `here`, turns no spindle, and runs no command of the user's, which
-    /// may move what nobody here knows of.
+    /// may move what nobody here knows of. What cannot be told of it is none: neither what is wrong or awaits the machine, nor
+    /// what goes on for long.
     #[must_use]
     pub fn is_still(&self, here: &Position) -> bool {
         let Ok((mut interpreter, _)) = self.interpret(*here) else {
-            // What is wrong with it is told by who runs it.
-            return true;
+            return false;
         };
-        while let Some(Ok(command)) = interpreter.next() {
-            let is_still = match &command.action {
-                Action::Spindle(spindle) => *spindle == spindle.stopped(),
-                Action::Home { .. }
-                | Action::Probe { .. }
+        for command in interpreter.by_ref().take(MOST_STILL) {
+            let Ok(command) = command else {
+                return false;
+            };
+            let is_still = match command.action {
+                Action::Rapid { to } | Action::Feed { to, .. } => to.0 == *here,
+                Action::Spindle(spindle) => spindle == spindle.stopped(),
+                Action::Output(Output::User { .. })
+                // A circle leads to where it begins.
+                | Action::Arc { .. }
+                | Action::Spline { .. }
+                | Action::Thread { .. }
                 | Action::Tap { .. }
-                | Action::Output(Output::User { .. }) => false,
-                action => action.leads_to().is_none_or(|to| to.0 == *here),
+                | Action::Probe { .. }
+                | Action::Home { .. }
+                | Action::ReadSignals { .. } => false,
+                Action::Dwell { .. }
+                | Action::Stop(_)
+                | Action::Coolant(_)
+                | Action::ToolLoaded(_)
+                | Action::SelectTool(_)
+                | Action::Output(_)
+                | Action::Message(_)
+                | Action::AwaitInput(_)
+                | Action::TakeInput(_)
+                | Action::PathMode(_)
+                | Action::End => true,
             };
             if !is_still {
                 return false;
             }
         }
-        !interpreter.awaits_machine()
+        !interpreter.awaits_machine() && interpreter.next().is_none()
     }
 
     /// Of the axes that are `asked` about those that it leaves where they are, at a machine that stands `here`, and for

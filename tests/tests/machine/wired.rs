@@ -287,6 +287,11 @@ fn typed_lines_that_move_nothing_are_done_while_a_door_is_open() {
         ("G0 X100", true),
         ("G0 X101", false),
         ("G91 G1 Y0.1 F100", false),
+        ("G2 I5 F1000", false),
+        ("G3 J-5 Z0 F1000", false),
+        ("G91 G1 Y0.1 F100\nG1 Y-0.1", false),
+        ("G5 I1 J1 P1 Q-1 X0 Y0 F100", false),
+        ("G1 X", false),
         ("M3 S100", false),
         ("M5\nM4 S100", false),
     ];
