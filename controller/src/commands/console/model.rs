@@ -5,7 +5,7 @@ use super::signals::Signals;
 use super::values;
 use crate::control::{Event as MachineEvent, Layout, State, Switch};
 use crate::machine::{Axis, Machine};
-use crate::program::moved;
+use crate::program::{counted, moved};
 use crate::session::{Event, Status};
 use std::array;
 use std::collections::VecDeque;
@@ -152,10 +152,9 @@ fn read(file: &Path) -> Option<String> {
 /// How fast those axes moved between two looks whose speed F counts in what is planned; `None` where no time has passed.
 fn actual_speed(before: &Status, now: &Status) -> Option<f64> {
     let passed = now.time? - before.time?;
-    let mut planned = moved(&now.velocity).into_iter();
-    let counted = planned.position(|speed| speed > 0.0).unwrap_or_default();
     let ways = moved(&array::from_fn(|at| now.actual[at] - before.actual[at]));
-    (passed > 0.0).then(|| ways[counted] / passed)
+    let way = ways[counted(&moved(&now.velocity)).unwrap_or_default()];
+    (passed > 0.0).then(|| way / passed)
 }
 
 #[cfg(test)]
