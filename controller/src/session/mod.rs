@@ -389,9 +389,11 @@ impl Desk {
             return Ok(order.map_or(Asked::Own, Asked::Order));
         };
         let held = self.job.place(Some(&self.status.setpoint));
-        let now = self.status.in_effect(&self.layout, self.outputs);
-        if begins && let Some(begin) = jobs.begin(command, &self.status, now, held)? {
-            return Ok(Asked::Begin(Box::new(begin)));
+        if begins {
+            let now = self.status.in_effect(&self.layout, self.outputs);
+            if let Some(begin) = jobs.begin(command, &self.status, now, held)? {
+                return Ok(Asked::Begin(Box::new(begin)));
+            }
         }
         match command {
             Command::Load(file) => {
