@@ -120,6 +120,7 @@ impl<const N: usize> Controller<N> {
     /// Begins a job where the machine rests.
     pub(super) fn begin(&mut self, job: Job) {
         self.job = Some(job);
+        // Also lines that are typed where it was to be changed are for the tool that is there.
         self.confirm_tool();
         self.begun = false;
         self.stop_point = None;
@@ -160,8 +161,6 @@ impl<const N: usize> Controller<N> {
         }
         if self.job.is_some() {
             self.aside = Aside::Rests;
-            // Lines are typed for the tool that is there.
-            self.confirm_tool();
             self.end_job(Outcome::SetAside);
             self.tell(Event::SetAside);
         }

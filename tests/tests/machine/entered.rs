@@ -249,7 +249,11 @@ fn cycle_start_chooses_nothing_where_a_program_was_interrupted() {
 /// A tool change counts once it is confirmed, or once lines are typed for the tool that was loaded.
 #[test]
 fn a_tool_change_that_is_given_up_is_none() {
-    for (typed, tool) in [(None, 1), (Some("G4 P0.01"), 2)] {
+    for (typed, retraced, tool) in [
+        (None, false, 1),
+        (None, true, 1),
+        (Some("G4 P0.01"), false, 2),
+    ] {
         let mut rig = staying_on();
         rig.goes_on = false;
         mdi(&mut rig, "M61 Q1");
@@ -262,6 +266,10 @@ fn a_tool_change_that_is_given_up_is_none() {
         assert_eq!(rig.session.status().tool, 2, "it is asked for");
         if let Some(lines) = typed {
             mdi(&mut rig, lines);
+        }
+        if retraced {
+            go(&mut rig, Command::Retrace);
+            assert!(rig.session.status().setpoint[0] < 10.0);
         }
         go(&mut rig, Command::Stop);
         assert_eq!(rig.session.status().tool, tool);
