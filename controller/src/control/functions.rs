@@ -270,7 +270,8 @@ impl Switches {
 }
 
 /// Outputs of the program, by number, that are on because that is safe, and not because anybody switched them: in typed lines
-/// they stay so until these switch them, in a program they are off.
+/// they stay so until these switch them, and in a program that begins in its middle; in one that begins at its first line
+/// they are off.
 #[derive(Clone, Copy, Default)]
 struct Kept {
     digital: u64,
