@@ -41,6 +41,8 @@ const LATE: f64 = 0.5;
 /// The parts of acceleration and jerk that the ramp has, and that a spindle's unevenness may have.
 const RAMP: [f64; 2] = [0.7, 0.5];
 const RIPPLE: [f64; 2] = [0.2, 0.4];
+/// Part of the jerk by which a difference of accelerations may be beyond it.
+const ROUNDING: f64 = 1e-6;
 /// How fast the setpoint is drawn to where it is wanted, rad/s; and no faster than this part of a cycle's inverse.
 const DRAWN: f64 = 150.0;
 const DRAWN_PART: f64 = 0.3;
@@ -442,7 +444,13 @@ impl Follower {
         let elapsed = elapsed + self.period;
         let before = self.state.a;
         self.state = stop.at(elapsed);
-        self.jerk = (self.state.a - before) / self.period;
+        let jerk = (self.state.a - before) / self.period;
+        // The difference of two accelerations is rounded.
+        let most = self.limits.j_max;
+        self.jerk = match jerk.abs() <= most * (1.0 + ROUNDING) {
+            true => jerk.clamp(-most, most),
+            false => jerk,
+        };
         self.stage = Stage::Leaving { stop, elapsed };
     }
 

@@ -84,6 +84,12 @@ fn cut(spindle: &Spindle, thread: Thread, period: f64, cycles_ahead: f64) -> Cut
             .err();
         let state = follower.state();
         states.push(state);
+        // As it says, and not by differences alone.
+        assert!(
+            follower.jerk().abs() <= j,
+            "{} at {state:?}",
+            follower.jerk()
+        );
         if follower.is_in_step() {
             let sign = if thread.reverse { -1.0 } else { 1.0 };
             let off = sign * spindle.turns(now + after) - state.p / thread.lead;
