@@ -319,3 +319,41 @@ fn a_fine_zigzag_is_passed_as_the_line_it_is() {
         }
     }
 }
+
+/// Lines of one length that turn by one angle, as CAM writes them with so many decimals.
+fn star(turn: f64, length: f64, decimals: i32, lines: usize) -> Program<2> {
+    const LIMITS: Limits<2> = Limits {
+        velocity: [400.0; 2],
+        acceleration: [2_500.0; 2],
+        jerk: [50_000.0; 2],
+    };
+    let grid = 10_f64.powi(decimals);
+    let mut at = [0.0; 2];
+    let mut points = vec![at];
+    for line in 0..lines {
+        let heading = (line as f64 * turn).to_radians();
+        at[0] += length * heading.cos();
+        at[1] += length * heading.sin();
+        points.push(at.map(|it| (it * grid).round() / grid));
+    }
+    Program::polyline(LIMITS, &points, Feed::Rate(114.0))
+}
+
+/// Of lines whose halves both roundings take all but a sliver is left: with 5 to 8 decimals windows over those had no solution, and
+/// roundings were crawled along, 20 times as long as with stops.
+#[test]
+fn lines_of_equal_length_are_passed_whatever_their_decimals() {
+    for turn in [120.0, 145.0, 155.0] {
+        for (length, tolerance) in [(0.69, 0.13), (1.0, 0.2), (4.0, 0.8)] {
+            for decimals in 3..7 {
+                let program = star(turn, length, decimals, 8);
+                let stops = program.stopping().time;
+                let time = program.cost(PathControlMode::Blend(tolerance)).time;
+                assert!(
+                    time <= stops * (1.0 + TOLERANCE),
+                    "{turn}°, {length} mm, {decimals} decimals: {time} s, with stops {stops} s"
+                );
+            }
+        }
+    }
+}

@@ -43,8 +43,10 @@ const LESSER: [f64; 9] = [3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001, 0.0];
 const LEAST: f64 = 0.001;
 /// Moves of a stretch, at most.
 const MOST_MOVES: usize = 64;
-/// What choosing may take for a stretch, cells times Newton steps: some twenty windows.
-const WORK: usize = 200_000;
+/// What choosing may take for a stretch, cells times Newton steps: some sixty windows.
+const WORK: usize = 600_000;
+/// What planning it once may take of that.
+const SHARE: usize = 200_000;
 /// No lesser tolerances are tried once a stretch takes so many times the least.
 const HOPELESS: f64 = 1.05;
 /// Windows that are planned only to compare are this many times as long: fewer overlap.
@@ -88,13 +90,15 @@ impl<const N: usize> Alternatives<N> {
             if given_up[kind] || before.any(|it| it.laid == trial.joiner.laid) {
                 continue;
             }
-            let to_beat = match least {
-                Some(least) => least,
-                None => stretch_time(joiner, most, &mut self.effort)?,
+            // What takes all the work to plan is passed in no time that is known: anything else is sooner. A stop always has
+            // its share.
+            let mut time = |joiner, is_stop| {
+                let share = self.effort.work + SHARE;
+                let most = if is_stop { share } else { share.min(most) };
+                stretch_time(joiner, most, &mut self.effort).unwrap_or(f64::INFINITY)
             };
-            let Some(time) = stretch_time(&trial.joiner, most, &mut self.effort) else {
-                break;
-            };
+            let to_beat = least.unwrap_or_else(|| time(joiner, false));
+            let time = time(&trial.joiner, trial.most == 0.0);
             given_up[kind] = time > to_beat * HOPELESS;
             least = Some(to_beat);
             if time < to_beat * (1.0 - SOONER) {

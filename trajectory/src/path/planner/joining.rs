@@ -23,6 +23,8 @@ const FASTEST: f64 = 2.0;
 const SMALLER: usize = 4;
 /// … to how many times what is needed.
 const ROOM: f64 = 1.1;
+/// Part of a move that is a sliver: no window is solved over what so little of it would be between two roundings.
+const SLIVER: f64 = 0.01;
 /// No rounding is made so small that it would be passed in less time, s: that does not show.
 const SHORTEST_PASSAGE: f64 = 1e-3;
 
@@ -182,7 +184,8 @@ impl<const N: usize> Joiner<N> {
                 Some(rounding) => {
                     let deviation = deviation.max(self.deviation);
                     let left = rounding.min(before.mode.tolerance() - deviation);
-                    if let Some((curve, cut)) = self.round(&before, &motion, left) {
+                    let there = before.curve.length() - self.taken();
+                    if let Some((curve, cut)) = self.round(&before, &motion, there, left) {
                         // The rounding takes as much of either side.
                         let scale = curve.length() / (2.0 * cut);
                         let mut ends = self.lay_pending(cut);
@@ -207,13 +210,38 @@ impl<const N: usize> Joiner<N> {
         self.deviation = deviation;
     }
 
+    /// What the last rounding took of the pending move, mm.
+    fn taken(&self) -> f64 {
+        self.pending.as_ref().map_or(0.0, |pending| pending.taken)
+    }
+
     /// The rounding between two moves within a tolerance, and what both give up for it, mm: no more than
-    /// it takes to pass it at the speed that the moves have there.
-    fn round(&self, before: &Move<N>, after: &Move<N>, tolerance: f64) -> Option<(Curve<N>, f64)> {
+    /// it takes to pass it at the speed that the moves have there. So much of the first one is `there`, of which it
+    /// leaves nothing or more than a sliver.
+    fn round(
+        &self,
+        before: &Move<N>,
+        after: &Move<N>,
+        there: f64,
+        tolerance: f64,
+    ) -> Option<(Curve<N>, f64)> {
         let limits = &self.limits;
         let speed = joint_speed(before, after, limits);
-        let (mut curve, mut cut) = (LESSER.iter())
-            .find_map(|part| self.round_within(before, after, f64::INFINITY, tolerance * part))?;
+        let length = before.curve.length();
+        let is_sliver = |cut: f64| {
+            let left = there - cut;
+            left > NOTHING * length && left < SLIVER * length
+        };
+        let all = |most| {
+            let within = |part: &f64| self.round_within(before, after, most, tolerance * part);
+            LESSER.iter().find_map(within)
+        };
+        let (mut curve, mut cut) = all(f64::INFINITY)?;
+        if is_sliver(cut)
+            && let Some(smaller) = all(there - SLIVER * length)
+        {
+            (curve, cut) = smaller;
+        }
         for _ in 0..SMALLER {
             let part = needed_part(&curve, speed, limits) * ROOM;
             let most = (cut * part).max(0.5 * speed * SHORTEST_PASSAGE);
@@ -225,7 +253,9 @@ impl<const N: usize> Joiner<N> {
             else {
                 break;
             };
-            (curve, cut) = smaller;
+            if !is_sliver(smaller.1) {
+                (curve, cut) = smaller;
+            }
         }
         Some((curve, cut))
     }

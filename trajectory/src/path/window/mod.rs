@@ -61,6 +61,8 @@ const BARRIER_FROM_LAST: f64 = 0.01;
 const TOLERANCE: f64 = 3e-4;
 /// Rounds of solving with limits tightened where the solution broke them between nodes.
 const ROUNDS: usize = 10;
+/// Parts of a curve that are crawled along by themselves are no shorter, mm.
+const SHORTEST_CRAWL: f64 = 1e-3;
 /// What is taken off a broken limit beyond the excess; twice that in every further round.
 const MARGIN: f64 = 5e-4;
 /// What may be missing between two jerk segments, as a part of what changes in one.
@@ -265,17 +267,37 @@ impl<const N: usize> Window<N> {
         Ok(())
     }
 
-    /// A motion from rest at `from` to rest at the end of the path segment there that needs no search.
+    /// A motion from rest at `from` to rest in the path segment there that needs no search: at its end, or before that where
+    /// the rest of it is passed sooner by itself, as of a curve that bends sharply in one place.
     pub fn crawl(&mut self, path_segments: &[PathSegment<N>], from: f64, limits: &Limits<N>) {
         self.stay();
         let ahead = |s: &&PathSegment<N>| s.start + s.curve.length() > from + SHORTEST;
-        if let Some(path_segment) = path_segments.iter().find(ahead) {
-            let length = path_segment.start + path_segment.curve.length() - from;
-            self.segments.extend(rest_to_rest(
-                from,
-                length,
-                Bounds::along(&path_segment.curve, path_segment.speed, limits),
-            ));
+        if let Some(PathSegment {
+            start,
+            curve,
+            speed,
+            ..
+        }) = path_segments.iter().find(ahead)
+        {
+            let bounds = |from, to| match (from, to) {
+                (0.0, to) if to == curve.length() => Bounds::along(curve, *speed, limits),
+                (from, to) => Bounds::along(&curve.part(from, to), *speed, limits),
+            };
+            let begin = (from - start).max(0.0);
+            let mut end = curve.length();
+            let passed = |begin: f64, end: f64| -> f64 {
+                let segments = rest_to_rest(begin, end - begin, bounds(begin, end));
+                segments.iter().map(|segment| segment.duration).sum()
+            };
+            while end - begin > SHORTEST_CRAWL {
+                let middle = 0.5 * (begin + end);
+                if passed(begin, middle) + passed(middle, end) >= passed(begin, end) {
+                    break;
+                }
+                end = middle;
+            }
+            self.segments
+                .extend(rest_to_rest(from, end - begin, bounds(begin, end)));
         }
     }
 
