@@ -296,6 +296,11 @@ pub enum Fault {
     #[error("the arc's centre is its start: correct the offsets")]
     ArcNoRadius,
     #[error(
+        "the arc ends {apart:.4} mm beside where the axes stand, and no block has sent them there: move to its start \
+         before, so that it is a full circle or none"
+    )]
+    ArcNearlyClosed { apart: f64 },
+    #[error(
         "the arc's end is {end:.4} mm from the centre, its start {start:.4} mm: {difference:.4} mm \
          apart, {allowed:.4} mm allowed: correct the end or the centre"
     )]

@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 
 use super::Setup;
 use super::arc::Plane;
-use super::axes::{AxisLetter, Point};
+use super::axes::{AxisLetter, AxisSet, Point};
 use super::block::{Block, Target, Word};
 use super::command::{Action, PathMode, Stop};
 use super::compensation::Cutter;
@@ -65,6 +65,8 @@ pub(crate) struct State {
     pub(crate) modes: Modes,
     /// The programmed position in machine coordinates.
     pub(crate) at: Point,
+    /// The axes that blocks have sent somewhere; others stand where they were found.
+    pub(crate) sent: AxisSet,
     /// What G43 and G43.1 added.
     pub(crate) tool_offset: Point,
     /// Whether the shift of G92 and G52 is in effect.
@@ -97,6 +99,7 @@ impl State {
     pub(crate) fn new(setup: Setup) -> State {
         State {
             at: setup.start,
+            sent: AxisSet::NONE,
             modes: setup.memory.modes.clone(),
             tool_offset: setup.memory.tool_offset,
             g92_applies: setup.memory.g92_applies,

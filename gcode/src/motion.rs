@@ -1,6 +1,7 @@
 //! Motion: where a block's axis words lead, how fast, and whether the machine may go there.
 
 use std::collections::VecDeque;
+use std::f64::consts::{PI, TAU};
 
 use super::arc::{Arc, Direction, Plane};
 use super::axes::{AxisLetter, COORDINATE_LIMIT, Point};
@@ -23,6 +24,11 @@ const LIMIT_ROUNDING: f64 = 1e-9;
 /// An axis stands where its encoder says: a program that begins outside of its soft limits by no more than this may come back
 /// to there. mm or degrees.
 const LIMIT_NOISE: f64 = 0.01;
+/// An axis that no block has sent anywhere may stand so far beside where it is to be, mm: two increments of a usual encoder, and
+/// what a display rounds off.
+const FOUND_BESIDE: f64 = 0.002;
+/// So far beside, mm, nobody means an arc that ends there: it is a circle, or none.
+const MOST_BESIDE: f64 = 0.05;
 
 impl State {
     pub(super) fn motion(
@@ -116,7 +122,9 @@ impl State {
         let to = self.target(words, code, machine)?;
         let moved = self.move_to(to, motion, words, motion_columns, commands);
         // Who looks for further mistakes goes on from where a refused motion was to lead.
-        self.at = to;
+        if moved.is_err() {
+            self.at = to;
+        }
         moved
     }
 
@@ -180,7 +188,13 @@ impl State {
         if self.compensated == Compensated::Leaving {
             self.compensated = Compensated::Off;
         }
-        self.at = action.destination().unwrap_or(self.at);
+        let to = action.destination().unwrap_or(self.at);
+        for axis in AxisLetter::ALL {
+            if to[axis] != self.at[axis] || words.columns(axis.letter() as u8).is_some() {
+                self.sent.insert(axis);
+            }
+        }
+        self.at = to;
         commands.push_back(action);
         Ok(())
     }
@@ -375,6 +389,32 @@ impl State {
         (turning != Turning::Off && turns > 0.0).then_some(Feed::PerTurn { travel, turns })
     }
 
+    /// The arc about a centre. An axis that no block has sent anywhere stands where it was found, beside what the screen shows
+    /// by an encoder's noise: of a circle from there to what is shown nothing would be left but the speck between the two.
+    fn arc_about(
+        &self,
+        mut to: Point,
+        center: [f64; 2],
+        direction: Direction,
+        turns: u32,
+    ) -> Result<Arc, Fault> {
+        let plane = self.modes.plane;
+        let [first, second, _] = plane.axes();
+        let arc = Arc::about(plane, self.at, to, center, direction, turns)?;
+        let apart = libm::hypot(to[first] - self.at[first], to[second] - self.at[second]);
+        let is_found = |axis| !self.sent.contains(axis) && to[axis] != self.at[axis];
+        let is_speck = apart < MOST_BESIDE.min(arc.start_radius / 10.0)
+            && arc.sweep.abs() - TAU * f64::from(arc.turns) < PI;
+        if !is_speck || self.modes.incremental || !(is_found(first) || is_found(second)) {
+            return Ok(arc);
+        }
+        if apart > FOUND_BESIDE {
+            return Err(Fault::ArcNearlyClosed { apart });
+        }
+        (to[first], to[second]) = (self.at[first], self.at[second]);
+        Arc::about(plane, self.at, to, center, direction, turns)
+    }
+
     fn arc(
         &self,
         words: &mut Words,
@@ -437,7 +477,7 @@ impl State {
                     sum(self.at, coordinates.turned(written))
                 };
                 let center = [center[axes[0]], center[axes[1]]];
-                Arc::about(plane, self.at, to, center, direction, turns)
+                self.arc_about(to, center, direction, turns)
             }
             (None, _) => {
                 return Err(refuse(Fault::ArcUndefined(

@@ -244,7 +244,9 @@ impl State {
             Some(_) => coolant = Coolant::default(),
             None => {}
         }
-        if coolant != self.modes.coolant {
+        // What an operator has on by hand M9 switches off as well.
+        let is_off = flood == Some(Code::M(9));
+        if is_off || coolant != self.modes.coolant {
             self.modes.coolant = coolant;
             commands.push_back(Action::Coolant(coolant));
         }

@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use proptest::prelude::*;
 use syncline_gcode::{Action, Arc, AxisLetter, Direction, Feed, Plane};
 
-use super::listing::{listing, run};
+use super::listing::{listing, run, run_with, xyz};
 
 #[test]
 fn formats_and_planes() {
@@ -179,11 +179,63 @@ proptest! {
         prop_assert!(least > radius - allowed - fine && greatest < radius + allowed + fine, "{program}: {arc:?}");
     }
 
+    /// Where axes stand beside what is shown, as encoders have it, a circle that begins there is the whole circle, or it is
+    /// refused where it may be either. Once the axes were sent to its start, it ends where the program says.
+    #[test]
+    fn a_circle_from_where_the_axes_were_found_is_whole(
+        radius in 2.0f64..100.0,
+        angle in 0.0..TAU,
+        beside in (-5.0f64..-1.0).prop_map(|digits| 10f64.powf(digits)),
+        way in 0.0..TAU,
+        named in 0usize..3,
+        clockwise: bool,
+        turns in 1u32..4,
+        plane in 0usize..3,
+        sent: bool,
+    ) {
+        let (code, plane) = [(17usize, Plane::Xy), (18, Plane::Zx), (19, Plane::Yz)][plane];
+        let [first, second, _] = plane.axes();
+        let [i, j] = [["I", "J"], ["K", "I"], ["J", "K"]][code - 17];
+        let mut setup = xyz();
+        // One axis or both are beside 0.
+        let off = [beside * way.cos(), beside * way.sin()];
+        let off = [if named == 1 { 0.0 } else { off[0] }, if named == 2 { 0.0 } else { off[1] }];
+        (setup.start[first], setup.start[second]) = (off[0], off[1]);
+        let first_move = if sent { format!("G0 {first}{:.12} {second}{:.12}\n", off[0], off[1]) } else { String::new() };
+        let program = format!(
+            "G{code}\n{first_move}G{} {first}0 {second}0 {i}{:.12} {j}{:.12} P{turns} F100\nM2",
+            if clockwise { 2 } else { 3 }, radius * angle.cos(), radius * angle.sin(),
+        );
+        let apart = off[0].hypot(off[1]);
+        let commands = match run_with(setup, &program) {
+            Ok(commands) => commands,
+            Err(error) => {
+                let is_near = apart > 0.002 && apart < 0.05;
+                let told = error.to_string();
+                prop_assert!(!sent && is_near && told.contains("where the axes stand") || apart > 0.0049, "{told}");
+                return Ok(());
+            }
+        };
+        let arc = commands.iter().find_map(|command| match &command.action {
+            Action::Arc { arc, .. } => Some(*arc),
+            _ => None,
+        });
+        let arc = arc.unwrap();
+        let whole = TAU * f64::from(turns);
+        if !sent && apart < 0.05 {
+            // It ends short of its start, or at it.
+            prop_assert!(apart < 0.002 || arc.to[first].abs() < 1e-9 && arc.to[second].abs() < 1e-9);
+            prop_assert!((arc.sweep.abs() - whole).abs() < 1.1 * apart / radius + 1e-6, "{arc:?}");
+        } else if apart > 1e-6 {
+            prop_assert!(arc.to[first].abs() < 2e-6 && arc.to[second].abs() < 2e-6, "{arc:?}");
+        }
+    }
+
     /// The tolerance holds at its edge, and the arc stays within its deviation of the program's.
     #[test]
     fn a_moved_centre_keeps_the_arc(sweep in 0.01f64..6.2, radius in 1f64..100.0, off in -0.06f64..0.06) {
         let end = [(radius + off) * sweep.cos(), (radius + off) * sweep.sin()];
-        let program = format!("G0 X{radius}\nG3 X{} Y{} I-{radius} F600\nM2", end[0], end[1]);
+        let program = format!("G0 X{radius} Y0\nG3 X{} Y{} I-{radius} F600\nM2", end[0], end[1]);
         let allowed = 0.028f64.max(0.001 * radius);
         match run(&program) {
             Ok(_) => {
