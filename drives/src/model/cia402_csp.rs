@@ -79,9 +79,9 @@ impl Cia402Csp {
             actual: generic::POSITION,
         };
         let own = [generic::period(settings), cia402::limits(settings)].concat();
-        let pdos = Pdos::new(model, settings, kind);
+        let (spec, pdos) = generic::spec(model, settings, kind, own);
         Self {
-            spec: generic::spec(model, settings, kind, &pdos, own),
+            spec,
             pdos,
             interpolation_delay: assumed.value(&INTERPOLATION_DELAY),
             is_interpolated: mode == INTERPOLATED_POSITION,

@@ -162,10 +162,10 @@ impl Cia402Velocity {
             Mode::Synchronous if assumed.value(&INTERPOLATES) != 0 => 0.5,
             Mode::Synchronous | Mode::Profile => 0.0,
         };
-        let pdos = Pdos::new(model, settings, kind);
         let own = own(settings, mode, units);
+        let (spec, pdos) = generic::spec(model, settings, kind, own);
         Self {
-            spec: generic::spec(model, settings, kind, &pdos, own),
+            spec,
             pdos,
             mode,
             units,

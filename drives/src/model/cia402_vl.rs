@@ -86,12 +86,9 @@ struct Cia402Vl {
 impl Cia402Vl {
     fn new(model: &'static Model, settings: &Settings) -> Self {
         let units = units(&settings.assumed);
-        let pdos = Pdos::new(model, settings, KIND);
-        Self {
-            spec: generic::spec(model, settings, KIND, &pdos, own(settings, units)),
-            pdos,
-            units,
-        }
+        let own = own(settings, units);
+        let (spec, pdos) = generic::spec(model, settings, KIND, own);
+        Self { spec, pdos, units }
     }
 }
 

@@ -195,8 +195,13 @@ impl Mapping {
             ));
         }
         for (place, object) in self.objects.iter().enumerate() {
-            let is_first = !self.objects[..place].contains(object);
-            if self.needed.contains(object) && (is_first || !self.is_received()) {
+            let is_again = self.objects[..place].contains(object);
+            if self.needed.contains(object) {
+                if is_again && self.is_received() {
+                    let problem = format!("is in {} twice", self.name());
+                    let help = "the controller sends it once".to_owned();
+                    lacks.push(lack(object.address, problem, help));
+                }
                 continue;
             }
             if let Some((problem, help)) = self.unfit(*object, model.dictionary) {
@@ -222,7 +227,9 @@ impl Mapping {
             return said("is not there".into());
         };
         let bits = 8 * row.data_type.size();
-        if !row.data_type.is_number() || bits != object.bits.into() && !is_bit(row, object) {
+        let is_whole = bits == object.bits.into() || is_bit(row, object);
+        // What is passed over may be of any type.
+        if !is_whole || self.is_received() && !row.data_type.is_number() {
             let (is, with) = (row.data_type, object.bits);
             return said(format!("is of type {is:?}, and mapped with {with} bits"));
         }
@@ -277,4 +284,72 @@ fn stated(rows: &[Entry], index: u16) -> Option<Vec<Mapped>> {
     (1..=count)
         .map(|sub| Some(Mapped::from(value(sub)? as u32)))
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Objects of any lengths that fill at most a PDO, with a value for each.
+    fn objects() -> impl Strategy<Value = Vec<(Mapped, i64)>> {
+        prop::collection::vec((1..=32u8, any::<i64>()), 1..12).prop_map(|drawn| {
+            let mut left = 64;
+            let fits = drawn.into_iter().take_while(|(bits, _)| {
+                left -= i32::from(*bits);
+                left >= 0
+            });
+            let objects = (0x2000..).zip(fits).map(|(index, (bits, value))| {
+                let object = Mapped {
+                    address: Address::new(index, 0),
+                    bits,
+                };
+                (object, value)
+            });
+            objects.collect()
+        })
+    }
+
+    fn cut(value: i64, bits: u8) -> u64 {
+        value as u64 & ((1 << bits) - 1)
+    }
+
+    proptest! {
+        /// Whatever else a maker has mapped about it: what is needed lies where the mapping says and is found there again, and the
+        /// rest has its values.
+        #[test]
+        fn each_object_has_its_own_bits(objects in objects(), order in any::<prop::sample::Index>(), is_needed: u16) {
+            let is_needed = |place: usize| is_needed >> place & 1 != 0;
+            let parted = (0..objects.len()).partition::<Vec<_>, _>(|place| is_needed(*place));
+            let (mut needed, others) = parted;
+            if !needed.is_empty() {
+                let first = order.index(needed.len());
+                needed.rotate_left(first);
+            }
+            let values = others.iter().map(|&place| (objects[place].0.address, objects[place].1));
+            let mapping = Mapping::of(
+                0x1600,
+                objects.iter().map(|(object, _)| *object).collect(),
+                needed.iter().map(|&place| objects[place].0).collect(),
+                values.collect(),
+                true,
+            );
+            let mut arranged = Packer::new();
+            for &place in &needed {
+                arranged.push(objects[place].1, objects[place].0.bits);
+            }
+            let arranged = &arranged.bytes()[..arranged.len()];
+            let frame = mapping.frame(CobId::SYNC, arranged);
+            let word = frame.data().iter().rev().fold(0u128, |word, byte| word << 8 | u128::from(*byte));
+            let mut begin = 0;
+            for (object, value) in &objects {
+                let found = (word >> begin) as u64 & ((1 << object.bits) - 1);
+                prop_assert_eq!(found, cut(*value, object.bits), "{:?}", object);
+                begin += object.bits;
+            }
+            prop_assert!(frame.data().len() == usize::from(begin.div_ceil(8)) && word >> begin == 0);
+            let found = mapping.arranged(frame.data());
+            prop_assert_eq!(found.data(), arranged);
+        }
+    }
 }

@@ -88,6 +88,16 @@ impl Data {
         &self.bytes[..self.len as usize]
     }
 
+    /// The value, of an object of that type.
+    #[must_use]
+    pub const fn value(&self, data_type: DataType) -> i64 {
+        let above = 32 - 8 * self.len as u32;
+        match data_type.is_signed() {
+            true => (self.bits().cast_signed() << above >> above) as i64,
+            false => self.bits() as i64,
+        }
+    }
+
     /// The bits, zero-extended.
     #[must_use]
     pub const fn bits(&self) -> u32 {

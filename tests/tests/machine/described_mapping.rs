@@ -26,19 +26,32 @@ const DRIVES: [(&str, u8, u32); 4] = [
     ),
 ];
 
-/// The maker's own, of 8, 16 and 32 bits, with the value that is stated for each; and their data types.
-const OWN: [(u32, u32, u16); 3] = [
+/// The maker's own, of 1 to 32 bits, with the value that is stated for each; and their data types.
+const OWN: [(u32, i64, u16); 5] = [
     (0x2001_0008, 0x5A, 5),
     (0x2002_0010, 0x8001, 6),
     (0x2003_0020, 0xDEAD_BEEF, 7),
+    (0x2004_0010, -2, 3),
+    (0x2005_0001, 1, 1),
 ];
+
+/// The ramp of the last of [`DRIVES`], which its maker may have in the R_PDO: the controller sends it there as it sets it up.
+const RAMP: (u32, i64) = (0x6083_0020, 1_572_864_000);
 
 /// What else an R_PDO may have: the mode, and gaps of two lengths.
 const MODE: u32 = 0x6060_0008;
 const GAPS: [u32; 2] = [0x0005_0008, 0x0006_0010];
 
-/// What else a T_PDO may have: a mode, the torque, an error.
-const TOLD: [u32; 4] = [0x6061_0008, 0x6077_0010, 0x603F_0010, 0x1001_0008];
+/// What else a T_PDO may have: a mode, the torque, an error; and of the maker's own a REAL32 and an UNSIGNED24.
+const TOLD: [u32; 6] = [
+    0x6061_0008,
+    0x6077_0010,
+    0x603F_0010,
+    0x1001_0008,
+    0x2006_0020,
+    0x2007_0018,
+];
+const OWN_TOLD: [(u32, u16); 2] = [(0x2006_0020, 8), (0x2007_0018, 0x16)];
 
 /// Some of these, and those that are needed, in any order.
 fn mapped(needed: Vec<u32>, others: Vec<u32>) -> impl Strategy<Value = Vec<u32>> {
@@ -51,7 +64,8 @@ fn mapped(needed: Vec<u32>, others: Vec<u32>) -> impl Strategy<Value = Vec<u32>>
 fn drive() -> impl Strategy<Value = (usize, [Vec<u32>; 2])> {
     (0..DRIVES.len()).prop_flat_map(|drive| {
         let own = OWN.map(|(object, ..)| object);
-        let received = [&own[..], &[MODE], &GAPS].concat();
+        let ramp = if drive == 3 { &[RAMP.0][..] } else { &[] };
+        let received = [&own[..], &[MODE], ramp, &GAPS].concat();
         let transmitted = [&own[..], &TOLD].concat();
         let received = mapped(vec![0x6040_0010, DRIVES[drive].2], received);
         let transmitted = mapped(vec![0x6041_0010, 0x6064_0020], transmitted);
@@ -73,7 +87,8 @@ fn map(eds: &mut Eds, index: u16, objects: &[u32], said: bool) {
 
 /// Adds the maker's own objects to a data sheet.
 fn add_own(eds: &mut Eds) {
-    for (object, _, data_type) in OWN {
+    let own = OWN.map(|(object, _, data_type)| (object, data_type));
+    for (object, data_type) in own.into_iter().chain(OWN_TOLD) {
         let mut added = eds.objects[&0x1017].clone();
         let parameter = added.subs.get_mut(&0).unwrap();
         (parameter.data_type, parameter.pdo_mapping) = (data_type, true);
@@ -153,9 +168,10 @@ proptest! {
         let node = NodeId::new(1).unwrap();
         let sent = rig.sent(CobId::r_pdo(2, node));
         prop_assert!(!sent.is_empty());
-        let stated = OWN.iter().map(|(object, value, _)| (*object, u64::from(*value)));
-        let other = stated.chain(GAPS.map(|gap| (gap, 0))).chain([(MODE, u64::from(DRIVES[drive].1))]);
-        for (object, value) in other.filter(|(object, _)| mappings[0].contains(object)) {
+        let stated = OWN.iter().map(|(object, value, _)| (*object, *value));
+        let others = GAPS.map(|gap| (gap, 0)).into_iter().chain([(MODE, DRIVES[drive].1.into()), RAMP]);
+        for (object, value) in stated.chain(others).filter(|(object, _)| mappings[0].contains(object)) {
+            let value = value as u64 & ((1 << (object & 0xFF)) - 1);
             for it in &sent {
                 prop_assert_eq!(bits_of(it.frame.data(), &mappings[0], object), value, "{:08X}", object);
             }

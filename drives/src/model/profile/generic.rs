@@ -129,12 +129,18 @@ pub(in crate::model) struct Pdos {
 }
 
 impl Pdos {
-    pub(in crate::model) fn new(model: &Model, settings: &Settings, kind: Kind) -> Self {
+    /// What the maker has in the R_PDO is sent as the set-up writes it: as the kind has it of its `own`, or else as is stated.
+    fn new(model: &Model, settings: &Settings, kind: Kind, own: &[Write]) -> Self {
         let assumed = &settings.assumed;
         let [r_pdo, t_pdo] = [&R_PDO, &T_PDO].map(|pdo| number(assumed, pdo));
         let is_said = is_mapped_by_the_maker(assumed);
-        let mut values = model.r_pdo_values.to_vec();
-        values.push((MODE, kind.mode.into()));
+        let mut values = vec![(MODE, kind.mode.into())];
+        values.extend(own.iter().filter_map(|write| {
+            let mut rows = model.dictionary.iter();
+            let row = rows.find(|row| row.address == write.address)?;
+            Some((write.address, write.data.value(row.data_type)))
+        }));
+        values.extend(model.r_pdo_values);
         let torque: &[u32] = if settings.torque { &[0x6077_0010] } else { &[] };
         let receive = [&[0x6040_0010, kind.setpoint][..], &[]];
         let transmit = [&[0x6041_0010, kind.actual][..], torque];
@@ -196,21 +202,21 @@ pub(in crate::model) fn reserved(Address { index, .. }: Address) -> bool {
     )
 }
 
-/// A drive that runs in the mode of `kind`. Behind it its set-up has `own` of the kind, before the user's objects.
+/// A drive that runs in the mode of `kind`, and its PDOs. Behind it its set-up has `own` of the kind, before the user's objects.
 pub(in crate::model) fn spec(
     model: &'static Model,
     settings: &Settings,
     kind: Kind,
-    pdos: &Pdos,
     own: Vec<Write>,
-) -> NodeSpec {
+) -> (NodeSpec, Pdos) {
+    let pdos = Pdos::new(model, settings, kind, &own);
     let (node, assumed) = (settings.node, &settings.assumed);
     let [r_pdo, t_pdo] = [&R_PDO, &T_PDO].map(|pdo| number(assumed, pdo));
     let monitoring = communication::monitoring(assumed, &settings.heartbeat);
-    let mut setup = setup(model, settings, kind, pdos, own);
+    let mut setup = setup(model, settings, kind, &pdos, own);
     setup.extend(communication::supervision(monitoring, &settings.heartbeat));
-    NodeSpec {
-        identity: identity(assumed, kind, pdos),
+    let spec = NodeSpec {
+        identity: identity(assumed, kind, &pdos),
         history: cia402::HISTORY.to_vec(),
         // Older devices, which have no heartbeat, need not say that they have booted.
         tells_boot_up: monitoring == Monitoring::Heartbeat,
@@ -220,7 +226,8 @@ pub(in crate::model) fn spec(
         sync_divider: settings.sync_divider.into(),
         r_pdos: vec![communication::r_pdo(r_pdo, node, pdos.receive.bytes())],
         ..NodeSpec::new(model, settings, setup, cia402::is_command)
-    }
+    };
+    (spec, pdos)
 }
 
 /// What tells a drive that does as is assumed.
