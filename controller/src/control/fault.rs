@@ -277,10 +277,13 @@ impl DeviceCause {
         )
     }
 
-    /// Whether the device may hear no R_PDOs any more: it is silent, or not in Operational.
+    /// Whether the device may hear no R_PDOs any more: it is silent, or not in Operational, as behind its boot-up.
     #[must_use]
     pub(super) fn is_deafness(&self) -> bool {
-        let is_elsewhere = matches!(self, Self::NmtState { .. } | Self::UnknownNmtState { .. });
+        let is_elsewhere = matches!(
+            self,
+            Self::NmtState { .. } | Self::UnknownNmtState { .. } | Self::Rebooted
+        );
         is_elsewhere || self.is_silence()
     }
 }

@@ -84,10 +84,7 @@ pub(super) struct DeviceNode {
     pub(super) setpoint: Setpoint,
     /// Its R_PDOs, as last encoded.
     r_pdos: Vec<Frame>,
-    /// An I/O node that may hear no R_PDOs: it is told by SDO as well what they carry.
-    is_deaf: bool,
-    /// The R_PDOs as last told by SDO.
-    told_by_sdo: Vec<Frame>,
+    by_sdo: BySdo,
 }
 
 impl DeviceNode {
@@ -138,8 +135,7 @@ impl DeviceNode {
             r_pdos: (spec.r_pdos.iter())
                 .map(|pdo| Frame::new(pdo.cob_id, &[]))
                 .collect(),
-            is_deaf: false,
-            told_by_sdo: Vec::with_capacity(spec.r_pdos.len()),
+            by_sdo: BySdo::new(&drive.device),
         }
     }
 
@@ -168,6 +164,9 @@ impl DeviceNode {
         }
         self.replies.clear();
         self.sequence.poll(now, tx, events)?;
+        if may_send && self.call_back(tx) {
+            return Ok(true);
+        }
         if let Monitoring::Poll(position) = self.monitoring() {
             let state = self.survey().map(|survey| survey.address);
             self.polls.ask(now, (position, state), &mut self.sequence);
@@ -400,8 +399,7 @@ impl DeviceNode {
         self.guarding = None;
         self.polls = Polls::NONE;
         self.polled = None;
-        self.is_deaf = false;
-        self.told_by_sdo.clear();
+        self.by_sdo.forget();
         self.come = 0;
     }
 
@@ -530,39 +528,6 @@ impl DeviceNode {
         }
     }
 
-    /// Has it come to rest by itself. It is told so by SDO as well: a drive that was taken out of Operational hears no R_PDO, and one
-    /// that is sent velocities would go on with the last.
-    pub(super) fn quick_stop(&mut self) {
-        if !self.is_quick_stopped() {
-            self.quick_stopped = Some(0);
-            self.forget_standstill();
-            self.power = PowerCommand::QuickStop;
-            if let Some(survey) = self.survey() {
-                self.sequence.command(survey.quick_stop);
-            }
-        }
-    }
-
-    /// Takes the power by SDO, too, from a drive that was told to come to rest by itself.
-    pub(super) fn switch_off_by_sdo(&mut self) {
-        if let Some(survey) = self.survey().filter(|_| self.is_quick_stopped()) {
-            self.sequence.command(survey.disable);
-        }
-    }
-
-    /// Tells an I/O node from now on by SDO as well what its outputs are: one that was taken out of Operational hears no R_PDO,
-    /// and they would stay as they are.
-    pub(super) fn tell_by_sdo(&mut self) {
-        if let Device::Io(_) = self.device {
-            self.is_deaf = true;
-        }
-    }
-
-    /// Whether what it is told is told by SDO as well.
-    pub(super) fn is_told_by_sdo(&self) -> bool {
-        self.is_quick_stopped() || self.is_deaf
-    }
-
     /// Whether it was told to come to rest by itself, and follows no setpoints.
     pub(super) fn is_quick_stopped(&self) -> bool {
         self.quick_stopped.is_some()
@@ -641,20 +606,7 @@ impl DeviceNode {
             Device::Encoder(_) => {}
             Device::Io(io) => io.encode(&mut self.r_pdos),
         }
-        if self.is_deaf && self.told_by_sdo != self.r_pdos {
-            self.told_by_sdo.clone_from(&self.r_pdos);
-            self.write_outputs();
-        }
-    }
-
-    /// Tells an I/O node by SDO what its R_PDOs carry.
-    fn write_outputs(&mut self) {
-        let Self {
-            device, sequence, ..
-        } = self;
-        if let Device::Io(io) = device {
-            io.write(&mut |write| sequence.command(write));
-        }
+        self.tell_outputs();
     }
 
     /// Its R_PDOs as last encoded.
@@ -683,6 +635,7 @@ impl DeviceNode {
 
     /// The steps from a drive in an unknown state to one that may be reset.
     pub(super) fn ask_survey(&mut self) {
+        self.tell_finally();
         let survey = self.survey();
         let history = self
             .device
@@ -748,8 +701,8 @@ impl DeviceNode {
         self.polls = Polls::NONE;
         self.sequence.clear();
         self.torque.forget_steps();
-        if in_reach && self.is_deaf {
-            self.write_outputs();
+        if in_reach {
+            self.tell_finally();
         }
         if in_reach && self.sequence.has_identified() {
             self.release_torque();
@@ -766,6 +719,7 @@ impl DeviceNode {
 }
 
 mod answers;
+mod by_sdo;
 mod captures;
 mod count;
 mod homing;
@@ -776,4 +730,5 @@ mod tests;
 mod torque;
 
 use answers::Answers;
+use by_sdo::BySdo;
 use torque::Torque;

@@ -130,6 +130,8 @@ pub(super) struct SdoSequence {
     noted: [u32; NOTES],
     /// What the last [`Step::Poll`] read, and where.
     polled: Option<(Address, u32)>,
+    /// A command got no answer.
+    unanswered: bool,
 }
 
 /// Places for what is noted.
@@ -153,6 +155,7 @@ impl SdoSequence {
             captured: None,
             noted: [0; NOTES],
             polled: None,
+            unanswered: false,
         }
     }
 
@@ -189,13 +192,33 @@ impl SdoSequence {
     /// Writes before all steps that are left, whatever the device answers, and in place of what the same object was to be written
     /// with before.
     pub(super) fn command(&mut self, write: Write) {
+        let asked = self.forget(write);
+        self.steps.insert(asked, Step::Command(write));
+    }
+
+    /// The same, behind what else is commanded.
+    pub(super) fn command_behind(&mut self, write: Write) {
+        let asked = self.forget(write);
+        let behind = self.steps.iter().skip(asked);
+        let others = behind.take_while(|step| matches!(step, Step::Command(_)));
+        let place = asked + others.count();
+        self.steps.insert(place, Step::Command(write));
+    }
+
+    /// Forgets what an object was to be written with that has not been asked for; the first place behind what has.
+    fn forget(&mut self, write: Write) -> usize {
         let is_asked = self.client.is_busy() && !self.stale;
         let asked = usize::from(is_asked).min(self.steps.len());
         let same = |step: &Step| matches!(step, Step::Command(it) if it.address == write.address);
         while let Some(place) = self.steps.iter().skip(asked).position(same) {
             self.steps.remove(asked + place);
         }
-        self.steps.insert(asked, Step::Command(write));
+        asked
+    }
+
+    /// Whether a command got no answer since the last call.
+    pub(super) fn take_unanswered(&mut self) -> bool {
+        std::mem::take(&mut self.unanswered)
     }
 
     /// Forgets the steps that are left; an answer under way is awaited and dropped.
@@ -302,10 +325,12 @@ impl SdoSequence {
         match failure.reason {
             // Whoever waits for it knows how long.
             Reason::TimedOut if matches!(step, Step::AwaitAnswer(_)) => self.tries = 0,
-            Reason::TimedOut if matches!(step, Step::Poll(_) | Step::Command(_)) => self.next(),
-            Reason::Refused(_) | Reason::GivenUp(_)
-                if matches!(step, Step::AwaitAnswer(_) | Step::Command(_)) =>
-            {
+            Reason::TimedOut if matches!(step, Step::Poll(_)) => self.next(),
+            Reason::TimedOut if matches!(step, Step::Command(_)) => {
+                self.unanswered = true;
+                self.next();
+            }
+            Reason::Refused(_) | Reason::GivenUp(_) if matches!(step, Step::AwaitAnswer(_)) => {
                 self.next();
             }
             Reason::TimedOut if self.tries <= self.layout.sdo_retries => {}
@@ -315,7 +340,7 @@ impl SdoSequence {
             }
             Reason::TimedOut => return Err(fault(DeviceCause::SdoTimeout { object })),
             Reason::Refused(code) | Reason::GivenUp(code) => {
-                if !step.may_fail() && !matches!(step, Step::ReadBack(_)) {
+                if !step.may_fail() && !matches!(step, Step::ReadBack(_) | Step::Command(_)) {
                     return Err(fault(match (failure.reason, step.write()) {
                         (Reason::GivenUp(code), _) => DeviceCause::WrongAnswer { object, code },
                         (_, Some(write)) => DeviceCause::WriteAborted {

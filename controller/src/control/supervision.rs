@@ -9,7 +9,7 @@ use super::axis::AxisSample;
 use super::fault::AxisCause;
 use super::{Controller, Event, Fault, Goal, Phase, Reaction, Row, StopPoint, event_sink};
 use syncline_canopen::Instant;
-use syncline_drives::model::{PowerCommand, PowerState};
+use syncline_drives::model::PowerState;
 
 /// What drives are given time for, in cycles.
 struct Times {
@@ -34,6 +34,9 @@ impl<const N: usize> Controller<N> {
         if (Phase::Square..=Phase::QuickStop).contains(&phase) {
             self.sample_axes();
         }
+        if self.sync_on && (Phase::QuickStop..=Phase::Disable).contains(&phase) {
+            self.check_io_nodes(now);
+        }
         if !self.sync_on || !(Phase::Lock..=Phase::Stop).contains(&phase) {
             return;
         }
@@ -55,6 +58,20 @@ impl<const N: usize> Controller<N> {
         let spindle = self.watch_cutting_speed();
         if let Err(fault) = spindle.and_then(|()| self.watch_orientation()) {
             self.fail(fault);
+        }
+    }
+
+    /// While drives are switched off I/O nodes are still to be heard: their outputs are to become safe.
+    fn check_io_nodes(&mut self, now: Instant) {
+        for node in 0..self.nodes.len() {
+            if !self.nodes[node].is_io_node() {
+                continue;
+            }
+            let mut events = event_sink(&mut self.events);
+            if let Err(fault) = self.nodes[node].check_alive(now, &mut events) {
+                drop(events);
+                self.fail(fault);
+            }
         }
     }
 
@@ -172,17 +189,18 @@ impl<const N: usize> Controller<N> {
     /// Records a fault and does what the table says: the first one has the machine go down, those that
     /// follow may still make a quick stop of it.
     pub(super) fn fail(&mut self, fault: Fault) {
+        // Also one that says less than another one before has.
+        if let Fault::Device(device, cause) = fault
+            && cause.is_deafness()
+        {
+            self.nodes[device].tell_by_sdo();
+        }
         if self.faults.iter().any(|known| fault.repeats(known)) {
             return;
         }
         let is_first = !self.is_faulty();
         self.faults.push(fault);
         self.tell(Event::Fault(fault));
-        if let Fault::Device(device, cause) = fault
-            && cause.is_deafness()
-        {
-            self.nodes[device].tell_by_sdo();
-        }
         if let Fault::Device(device, cause) = fault
             && cause.is_silence()
         {
@@ -266,7 +284,7 @@ impl<const N: usize> Controller<N> {
         for (drive, node) in self.nodes.iter_mut().enumerate() {
             let goes_on = node.has_braked_for(most) && node.still() < cycles;
             if goes_on && spindle != Some(drive) {
-                node.power = PowerCommand::Disable;
+                node.switch_off();
             }
         }
     }

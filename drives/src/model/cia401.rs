@@ -348,6 +348,26 @@ impl Io for Cia401 {
             *own = value;
         }
     }
+
+    /// The objects that its R_PDOs carry.
+    fn write(&self, write: &mut dyn FnMut(Write)) {
+        for (place, r_pdo) in self.spec.r_pdos.iter().enumerate() {
+            if place == self.analog[1] {
+                let values = self
+                    .analog_outputs
+                    .iter()
+                    .take(usize::from(r_pdo.bytes) / 2);
+                for (sub, value) in (1..).zip(values) {
+                    write(Write::new(0x6411, sub, Data::u16(*value as u16)));
+                }
+            } else {
+                for sub in 1..=r_pdo.bytes / (self.width.bits / 8) {
+                    let part = self.width.part(self.outputs.into(), sub);
+                    write(Write::new(self.width.outputs, sub, part));
+                }
+            }
+        }
+    }
 }
 
 impl IoNode for Cia401 {
@@ -366,26 +386,6 @@ impl IoNode for Cia401 {
                 data[..2].copy_from_slice(&self.outputs.to_le_bytes());
             }
             frames[place] = Frame::new(r_pdo.cob_id, &data[..r_pdo.bytes.into()]);
-        }
-    }
-
-    /// The objects that they carry.
-    fn write(&self, write: &mut dyn FnMut(Write)) {
-        for (place, r_pdo) in self.spec.r_pdos.iter().enumerate() {
-            if place == self.analog[1] {
-                let values = self
-                    .analog_outputs
-                    .iter()
-                    .take(usize::from(r_pdo.bytes) / 2);
-                for (sub, value) in (1..).zip(values) {
-                    write(Write::new(0x6411, sub, Data::u16(*value as u16)));
-                }
-            } else {
-                for sub in 1..=r_pdo.bytes / (self.width.bits / 8) {
-                    let part = self.width.part(self.outputs.into(), sub);
-                    write(Write::new(self.width.outputs, sub, part));
-                }
-            }
         }
     }
 }

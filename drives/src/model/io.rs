@@ -28,6 +28,9 @@ pub trait Io: RemoteNode {
     /// Sets an analog output by its place among [`Model::analog_outputs`](super::Model::analog_outputs), from the
     /// next R_PDOs on: from -32768 to 32767 it is from the least to the greatest that it can put out.
     fn set_analog_output(&mut self, _output: usize, _value: i16) {}
+
+    /// Gives the writes by SDO that say of the outputs what the R_PDOs of this cycle do, for a device that hears none.
+    fn write(&self, write: &mut dyn FnMut(Write));
 }
 
 /// A device that has inputs and outputs, and nothing to move or to measure: an I/O node.
@@ -37,9 +40,6 @@ pub trait IoNode: Io + fmt::Debug {
 
     /// Its R_PDOs of this cycle, one each in `frames`.
     fn encode(&self, frames: &mut [Frame]);
-
-    /// Gives the writes by SDO that say the same as its R_PDOs of this cycle, for a node that hears none.
-    fn write(&self, write: &mut dyn FnMut(Write));
 }
 
 impl Clone for Box<dyn IoNode> {

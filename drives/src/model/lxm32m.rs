@@ -333,6 +333,12 @@ impl Io for Lxm32m {
     fn set_outputs(&mut self, on: u32) {
         self.outputs = on as u16;
     }
+
+    fn write(&self, write: &mut dyn FnMut(Write)) {
+        if self.sets_outputs() {
+            write(Write::new(0x3008, 0x11, Data::u16(self.outputs)));
+        }
+    }
 }
 
 impl Feedback for Lxm32m {

@@ -10,7 +10,7 @@ use syncline_controller::control::fault::AxisCause;
 use syncline_controller::control::{End, Fault, State};
 use syncline_controller::port::Port;
 use syncline_controller::session::Command;
-use syncline_drives::twin::{SimulatedDevice, cia401};
+use syncline_drives::twin::{Disturbance, SimulatedDevice, cia401};
 use syncline_tests::rig::Rig;
 
 /// Sends a device there that is the only one of these on the first bus.
@@ -83,6 +83,138 @@ fn drives_of_the_profile_that_are_sent_velocities_stop() {
         let [way, _] = goes_on(rig, drive);
         // A few cycles at 80 mm/s; 6085h, as it is after power-on, has it stand at once.
         assert!(way * 10.0 <= 10.0, "{drive}: {} mm", way * 10.0);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
+
+    /// One whose supply failed for a moment has all outputs off, and is told those that are safe where they are on, however
+    /// long it takes to boot.
+    #[test]
+    fn outputs_of_an_io_node_that_booted_are_made_safe(row in 0..200usize, boot_ms in 1..3000u64) {
+        let more = [
+            ("cycle_us = 2000", "cycle_us = 4000"),
+            ("[machine]\n", WIRED),
+        ];
+        let changes = [&more[..], &stepper::CHANGES].concat();
+        let mut rig = Rig::staying_on("portal", &changes, |device, config| {
+            if device == CABINET {
+                config.boot_time = Some(Duration::from_millis(boot_ms));
+            }
+        });
+        settle(&mut rig);
+        rig.command(Command::Mdi("G1 X300 F6000".to_owned()));
+        rig.run_until(|rig| rig.session.status().setpoint[0] > 20.0);
+        let begin = rig.rows.len() + row;
+        rig.run_to_row(begin);
+        rig.twin(CABINET).disturb(Disturbance::Reset);
+        settle(&mut rig);
+        prop_assert_eq!(state(&rig), State::Faulted);
+        let end = rig.session.timeline().now() + Duration::from_secs(4);
+        rig.run_until(|rig| rig.session.timeline().now() > end);
+        prop_assert_eq!(cabinet(&mut rig), (LAMP, 0));
+    }
+}
+
+/// Of examples/mixed: those on its first bus, X1 that has an output, and the I/O node.
+const FAST: [usize; 5] = [0, 1, 2, 4, 6];
+const WITH_OUTPUT: usize = 0;
+const MIXED_CABINET: usize = 6;
+
+/// Outputs of the I/O node and of a drive, by their numbers.
+const OUTPUTS: &str = r#"
+[[output]]
+name = "valve"
+io = "cabinet"
+signal = "DO9"
+number = 1
+
+[[output]]
+name = "lamp"
+io = "cabinet"
+signal = "DO8"
+safe = "on"
+number = 2
+
+[[output]]
+name = "blast"
+drive = "X1"
+signal = "DQ0"
+number = 3
+
+[spindle]
+"#;
+
+/// When somebody takes devices out of Operational.
+#[derive(Clone, Copy, Debug)]
+enum Moment {
+    Moving,
+    Resting,
+    /// So many wake-ups after the command to enable the drives.
+    Enabling(u32),
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 16, max_shrink_iters: 20, ..ProptestConfig::default() })]
+
+    /// Whichever devices are taken out of Operational, whenever, to Pre-operational or to Stopped, where they take no SDO
+    /// either: the machine stays on and is stopped by a fault, and there no drive has power and no output is on but for those
+    /// that are safe so.
+    #[test]
+    fn a_machine_that_is_stopped_by_a_fault_is_without_power(
+        device in prop::option::of(prop::sample::select(FAST.to_vec())),
+        stopped: bool,
+        moment in prop_oneof![
+            2 => Just(Moment::Moving),
+            1 => Just(Moment::Resting),
+            2 => (1..400u32).prop_map(Moment::Enabling),
+        ],
+        row in 0..60usize,
+    ) {
+        let mut rig = Rig::staying_on("mixed", &[("[spindle]\n", OUTPUTS)], |_, _| ());
+        settle(&mut rig);
+        prop_assert_eq!(state(&rig), State::Ready, "{:?}", rig.session.faults());
+        let switched = |rig: &mut Rig| {
+            for line in ["M64 P1", "M65 P2", "M64 P3", "M3 S12000", "M8"] {
+                go(rig, Command::Mdi(line.to_owned()));
+            }
+        };
+        match moment {
+            Moment::Moving => {
+                switched(&mut rig);
+                rig.command(Command::Mdi("G1 X300 Y300 F6000".to_owned()));
+                rig.run_until(|rig| rig.session.status().setpoint[0] > 5.0);
+                let begin = rig.rows.len() + row;
+                rig.run_to_row(begin);
+            }
+            Moment::Resting => switched(&mut rig),
+            Moment::Enabling(wake_ups) => {
+                go(&mut rig, Command::Disable);
+                rig.command(Command::Enable);
+                (0..wake_ups).for_each(|_| { rig.step(); });
+            }
+        }
+        let command = if stopped { nmt::Command::Stop } else { nmt::Command::EnterPreOperational };
+        let node = device.map(|device| rig.layout.devices[device].device.spec().node);
+        let frame = nmt::Request { command, node }.encode();
+        rig.bus().send_acyclic(&[frame]).unwrap();
+        rig.run_until(|rig| !rig.session.faults().is_empty());
+        let end = rig.session.timeline().now() + Duration::from_secs(9);
+        rig.run_until(|rig| rig.session.timeline().now() > end);
+        prop_assert_eq!(state(&rig), State::Faulted, "{:?}", rig.session.faults());
+        for drive in FAST {
+            let seen = rig.twin(drive).observe();
+            prop_assert!(!seen.is_powered && seen.velocity.abs() < 0.01, "{drive}: {seen:?}");
+        }
+        let cabinet: &mut cia401::Twin = rig.twin_as(MIXED_CABINET);
+        prop_assert_eq!((cabinet.outputs(), cabinet.analog_outputs()[0]), (1 << 8, 0));
+        prop_assert_eq!(rig.twin(WITH_OUTPUT).outputs() & 1, 0);
+        go(&mut rig, Command::Reset);
+        // One side of the gantry may have stopped later than the other.
+        let skewed = |fault: &Fault| matches!(fault, Fault::Axis(_, AxisCause::Skew { .. }));
+        let is_askew = device.is_some_and(|it| it < 2) && rig.session.faults().iter().any(skewed);
+        prop_assert!(state(&rig) == State::Ready || is_askew, "{:?}", rig.session.faults());
     }
 }
 
