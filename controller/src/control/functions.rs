@@ -156,57 +156,36 @@ impl Switches {
         self.waiting.clear();
     }
 
-    /// A job begins: from now on outputs are what M-codes make of them, and what they were switched to by hand
-    /// before. In typed lines those that have their safe values keep them until they are switched, and so they do where a
-    /// program begins in its middle: what is to be otherwise there it switches itself, once that was confirmed.
+    /// A job begins: from now on outputs are what M-codes make of them.
     pub(super) fn begin(&mut self, layout: &Layout, job: &Job, mut tell: impl FnMut(Switch)) {
-        match job.kind {
-            JobKind::Program if !job.is_entered => self.let_go(),
-            _ if self.safe => self.keep_safe(layout),
-            _ => {}
-        }
-        self.safe = false;
         let coolant = self.functions.coolant;
-        for (output, by_hand) in layout.outputs.iter().zip(&mut self.by_hand) {
-            if let Some(on) = by_hand.take() {
-                self.functions.put(output.switch, on);
-                if let OutputSwitch::Program(number) = output.switch {
-                    self.kept.digital &= !(1 << number);
-                }
-            }
-        }
+        (self.functions, self.kept) = self.beginning(layout, job);
+        self.by_hand.fill(None);
+        self.safe = false;
         if self.functions.coolant != coolant {
             tell(Switch::Coolant(self.functions.coolant));
         }
     }
 
-    /// The outputs that are on as that is safe stay so.
-    fn keep_safe(&mut self, layout: &Layout) {
-        for output in &layout.outputs {
-            if let OutputSwitch::Program(number) = output.switch
-                && output.safe
-            {
-                self.functions.put(output.switch, true);
-                self.kept.digital |= 1 << number;
+    /// What a job begins with: outputs that were switched by hand before are as they were switched. In typed lines those that
+    /// have their safe values keep them until they are switched, and so they do where a program begins in its middle: what
+    /// is to be otherwise there it switches itself, once that was confirmed.
+    fn beginning(&self, layout: &Layout, job: &Job) -> (MachineFunctions, Kept) {
+        let (mut functions, mut kept) = (self.functions, self.kept);
+        match job.kind {
+            JobKind::Program if !job.is_entered => take(&mut kept).let_go(&mut functions),
+            _ if self.safe => kept.keep_safe(layout, &mut functions),
+            _ => {}
+        }
+        for (output, by_hand) in layout.outputs.iter().zip(&self.by_hand) {
+            if let Some(on) = by_hand {
+                functions.put(output.switch, *on);
+                if let OutputSwitch::Program(number) = output.switch {
+                    kept.digital &= !(1 << number);
+                }
             }
         }
-        for output in &layout.analog_outputs {
-            if let AnalogSource::Program(number) = output.source {
-                self.functions.outputs.analog[usize::from(number)] = output.safe;
-                self.kept.analog |= 1 << number;
-            }
-        }
-    }
-
-    /// The outputs that nobody has switched are off.
-    fn let_go(&mut self) {
-        let Kept { digital, analog } = take(&mut self.kept);
-        self.functions.outputs.digital &= !digital;
-        for (number, value) in self.functions.outputs.analog.iter_mut().enumerate() {
-            if analog >> number & 1 != 0 {
-                *value = 0.0;
-            }
-        }
+        (functions, kept)
     }
 
     /// Switches an output by hand.
@@ -279,6 +258,34 @@ struct Kept {
 }
 
 impl Kept {
+    /// The outputs that are on as that is safe stay so.
+    fn keep_safe(&mut self, layout: &Layout, functions: &mut MachineFunctions) {
+        for output in &layout.outputs {
+            if let OutputSwitch::Program(number) = output.switch
+                && output.safe
+            {
+                functions.put(output.switch, true);
+                self.digital |= 1 << number;
+            }
+        }
+        for output in &layout.analog_outputs {
+            if let AnalogSource::Program(number) = output.source {
+                functions.outputs.analog[usize::from(number)] = output.safe;
+                self.analog |= 1 << number;
+            }
+        }
+    }
+
+    /// The outputs that nobody has switched are off.
+    fn let_go(self, functions: &mut MachineFunctions) {
+        functions.outputs.digital &= !self.digital;
+        for (number, value) in functions.outputs.analog.iter_mut().enumerate() {
+            if self.analog >> number & 1 != 0 {
+                *value = 0.0;
+            }
+        }
+    }
+
     /// What was switched is not kept any more.
     fn switched(&mut self, output: Output) {
         match output {
@@ -310,10 +317,13 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// What M-codes have made of the outputs of a program.
+    /// What M-codes have made of the outputs of a program; of one that has not said anything yet, what it begins with.
     #[must_use]
     pub fn outputs(&self) -> Outputs {
-        self.switches.functions.outputs
+        match self.job.filter(|_| self.awaits_instructions()) {
+            Some(job) => self.switches.beginning(&self.layout, &job).0.outputs,
+            None => self.switches.functions.outputs,
+        }
     }
 
     /// The path rests for an operator to change the tool.
@@ -360,7 +370,7 @@ impl<const N: usize> Controller<N> {
         if self.stays_on && self.phase != Phase::Program && !self.switches.safe {
             self.switch_off_outputs();
         }
-        if !self.state().allows(Request::Switch) {
+        if !self.state().allows(Request::Switch) && !self.awaits_instructions() {
             self.switches.by_hand.fill(None);
         }
         for (index, output) in layout.outputs.iter().enumerate() {

@@ -7,7 +7,7 @@ use super::state::{NotNow, Request, State};
 use super::{
     Controller, End, Event, Fault, Goal, Instruction, Phase, Refusal, StopPoint, event_sink,
 };
-use std::mem::take;
+use std::mem::{replace, take};
 use syncline_gcode::AxisSet;
 use syncline_trajectory::path::{Command as PathCommand, ReplanRequest};
 
@@ -131,12 +131,24 @@ impl<const N: usize> Controller<N> {
         self.threading.abort();
         self.pause_told = false;
         self.unplanned = 0;
-        let mut events = event_sink(&mut self.events);
-        let line = self.switches.functions.line;
-        let told = |switch| events(Event::Switched { line, switch });
-        self.switches.begin(&self.layout, &job, told);
-        drop(events);
         self.rest_here();
+    }
+
+    /// The job has an instruction: it is not wrong in its first line, and outputs are its own.
+    fn begin_instructions(&mut self) {
+        if !replace(&mut self.begun, true)
+            && let Some(job) = self.job
+        {
+            let line = self.switches.functions.line;
+            let mut events = event_sink(&mut self.events);
+            let told = |switch| events(Event::Switched { line, switch });
+            self.switches.begin(&self.layout, &job, told);
+        }
+    }
+
+    /// Whether a job is to begin that has not said anything yet.
+    pub(super) fn awaits_instructions(&self) -> bool {
+        self.job.is_some() && !self.begun && self.phase == Phase::Program
     }
 
     /// Begins lines that are typed in where a program is held: that is set aside.
@@ -269,7 +281,7 @@ impl<const N: usize> Controller<N> {
         if self.room() == 0 {
             return false;
         }
-        self.begun = true;
+        self.begin_instructions();
         if let Instruction::Found(number) = instruction {
             self.beside_path.begin_plan(number);
             return true;
@@ -400,8 +412,9 @@ impl<const N: usize> Controller<N> {
         if let Some(job) = self.job.take() {
             // What is wrong was not begun where nothing has moved, and stops nothing.
             let ends = match job.kind {
-                JobKind::Program => self.aside != Aside::Rests,
-                JobKind::Mdi => outcome == Outcome::Stopped,
+                _ if outcome == Outcome::Stopped => true,
+                JobKind::Program => self.begun && self.aside != Aside::Rests,
+                JobKind::Mdi => false,
             };
             if outcome == Outcome::Stopped {
                 self.give_tool_change_up();

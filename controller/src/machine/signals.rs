@@ -448,11 +448,25 @@ impl OutputPurpose {
         );
         let switch = purpose(log, table, numbers, &SWITCHES);
         let safe = table.choice_or(log, "safe", "off", ["off", "on"].into_iter());
-        if switch == Some(OutputSwitch::EnableChain) && safe == "on" {
+        let unsafe_on = match switch {
+            Some(OutputSwitch::EnableChain) => Some((
+                "enable chain",
+                "without the controller the chain has to open",
+            )),
+            Some(OutputSwitch::Spindle | OutputSwitch::SpindleReverse) => {
+                Some(("spindle", "behind a fault it has to rest"))
+            }
+            Some(OutputSwitch::Mist | OutputSwitch::Flood) => Some((
+                "coolant",
+                "programs take it to be off until they switch it on; one with a `number` may be safe where it is on",
+            )),
+            Some(OutputSwitch::Program(_)) | None => None,
+        };
+        if let Some((what, why)) = unsafe_on.filter(|_| safe == "on") {
             log.report(
                 table.span_of("safe").unwrap_or_default(),
-                format!("{}: `safe = \"on\"` of the enable chain", table.title),
-                "leave it out: without the controller the chain has to open",
+                format!("{}: `safe = \"on\"` of the {what}", table.title),
+                format!("leave it out: {why}"),
             );
         }
         Some(Self::Digital {
@@ -487,6 +501,15 @@ impl OutputPurpose {
             }
             within
         });
+        if let Some(safe) = safe.as_ref().filter(|it| *it.get_ref() != 0.0)
+            && source == Some(AnalogSource::SpindleSpeed)
+        {
+            log.report(
+                safe.span(),
+                format!("{}: `safe` of the spindle", table.title),
+                "leave it out: behind a fault it has to rest",
+            );
+        }
         Some(Self::Analog {
             full_scale,
             safe: safe.map_or(0.0, Spanned::into_inner),

@@ -2,7 +2,7 @@
 //! outputs are as the program has them there, also those that were switched by hand before it.
 
 use super::day::{go, mdi, settle, state};
-use super::io_nodes::{WIRED, output, outputs, staying_on};
+use super::io_nodes::{WIRED, output, outputs, staying_on, staying_on_with};
 use proptest::prelude::*;
 use proptest::sample::select;
 use std::fmt::Write as _;
@@ -13,9 +13,46 @@ use syncline_gcode::AxisLetter;
 use syncline_tests::command::{Folder, ended, machine_with, syncline};
 use syncline_tests::rig::Rig;
 
-/// The valve is on, the clamp, which is active low, is off.
+/// The valve is on, the clamp, which is active low, is off, the flood is on.
 const VALVE: u16 = 0x0002;
 const CLAMP_IS_OFF: u16 = 0x0200;
+const FLOOD: u16 = 0x0020;
+
+/// The outputs by name, of which the clamp is safe where it is on.
+const NAMES: [&str; 3] = ["valve", "clamp", "flood"];
+
+/// A machine that has all of them.
+fn cooled() -> Rig {
+    const FLOOD: &str = "[[output]]\nname = \"flood\"\nio = \"cabinet\"\nsignal = \"DO5\"\nfunction = \"flood\"\n\n";
+    let mut rig = staying_on_with(FLOOD);
+    rig.goes_on = false;
+    rig
+}
+
+/// Switches some of them by hand.
+fn switch_by_hand(rig: &mut Rig, by_hand: [Option<bool>; 3]) {
+    for (name, on) in NAMES.into_iter().zip(by_hand) {
+        if let Some(on) = on {
+            go(rig, output(name, on));
+        }
+    }
+}
+
+/// What is done by hand before a program; to the flood nothing, as that is a program's own where it begins in its middle.
+fn by_hand() -> impl Strategy<Value = [Option<bool>; 3]> {
+    let switched = prop::array::uniform2(prop::option::of(any::<bool>()));
+    switched.prop_map(|[valve, clamp]| [valve, clamp, None])
+}
+
+/// What switches one of them, by its number from 1 on.
+fn code(number: u8, on: bool) -> String {
+    match (number, on) {
+        (3, true) => "M8".to_owned(),
+        (3, false) => "M9".to_owned(),
+        (number, true) => format!("M64 P{number}"),
+        (number, false) => format!("M65 P{number}"),
+    }
+}
 
 /// How a program is interrupted.
 #[derive(Clone, Copy, Debug)]
@@ -31,22 +68,21 @@ fn program(switches: &[Vec<(u8, bool)>]) -> String {
     let mut text = "G21 G90 G61 F3000\nG1 X1\n".to_owned();
     for (place, switches) in (1..).zip(switches) {
         for (number, on) in switches {
-            let code = if *on { 64 } else { 65 };
-            let _ = writeln!(text, "M{code} P{number}");
+            let _ = writeln!(text, "{}", code(*number, *on));
         }
         let _ = writeln!(text, "G1 X{}", 10 * place);
     }
     text + "G1 X0\nM2\n"
 }
 
-/// The valve and the clamp as the program has them in a line.
-fn programmed(text: &str, line: u32, by_hand: [Option<bool>; 2]) -> [bool; 2] {
+/// The outputs as the program has them in a line.
+fn programmed(text: &str, line: u32, by_hand: [Option<bool>; 3]) -> [bool; 3] {
     let mut on = by_hand.map(|on| on.unwrap_or(false));
     for block in text.lines().take(line as usize - 1) {
         for (number, on) in (1..).zip(&mut on) {
-            if block == format!("M64 P{number}") {
+            if block == code(number, true) {
                 *on = true;
-            } else if block == format!("M65 P{number}") {
+            } else if block == code(number, false) {
                 *on = false;
             }
         }
@@ -54,8 +90,8 @@ fn programmed(text: &str, line: u32, by_hand: [Option<bool>; 2]) -> [bool; 2] {
     on
 }
 
-fn digital([valve, clamp]: [bool; 2]) -> u16 {
-    u16::from(valve) * VALVE + u16::from(!clamp) * CLAMP_IS_OFF
+fn digital([valve, clamp, flood]: [bool; 3]) -> u16 {
+    u16::from(valve) * VALVE + u16::from(!clamp) * CLAMP_IS_OFF + u16::from(flood) * FLOOD
 }
 
 /// Until the path goes on in a line.
@@ -68,7 +104,7 @@ fn run_to(rig: &mut Rig, line: u32) {
 }
 
 fn switches() -> impl Strategy<Value = Vec<Vec<(u8, bool)>>> {
-    let one = (1u8..=2, any::<bool>());
+    let one = (1u8..=3, any::<bool>());
     prop::collection::vec(prop::collection::vec(one, 0..3), 3..6)
 }
 
@@ -78,6 +114,8 @@ fn interruption() -> impl Strategy<Value = Interruption> {
         Interruption::Fault,
         Interruption::Lines("M64 P2"),
         Interruption::Lines("M65 P2\nM64 P1"),
+        Interruption::Lines("M9"),
+        Interruption::Lines("M8\nM64 P2"),
         Interruption::Lines("G91 G1 Y5"),
     ])
 }
@@ -89,16 +127,10 @@ proptest! {
     /// closed by hand before it began.
     #[test]
     fn a_program_that_is_resumed_has_the_outputs_that_it_had(
-        by_hand in prop::array::uniform2(prop::option::of(any::<bool>())),
-        switches in switches(), interruption in interruption(), share in 0.05..0.95f64,
+        by_hand in by_hand(), switches in switches(), interruption in interruption(), share in 0.05..0.95f64,
     ) {
-        let mut rig = staying_on();
-        rig.goes_on = false;
-        for (name, on) in ["valve", "clamp"].into_iter().zip(by_hand) {
-            if let Some(on) = on {
-                go(&mut rig, output(name, on));
-            }
-        }
+        let mut rig = cooled();
+        switch_by_hand(&mut rig, by_hand);
         let text = program(&switches);
         let file = rig.folder.file("part.ngc", &text);
         rig.command(Command::Load(file));
@@ -128,9 +160,9 @@ proptest! {
         let expected = digital(programmed(&text, line, by_hand));
         // What goes off is listed as well.
         let told = rig.messages.last().map(|(_, told)| told.clone()).unwrap_or_default();
-        for (number, bit) in [(1, VALVE), (2, CLAMP_IS_OFF)] {
+        for (name, bit) in [(" P1", VALVE), (" P2", CLAMP_IS_OFF), ("the coolant", FLOOD)] {
             let changes = (before ^ expected) & bit != 0;
-            prop_assert_eq!(told.contains(&format!(" P{number}")), changes, "{}", told);
+            prop_assert_eq!(told.contains(name), changes, "{}", told);
         }
         let since = rig.events.len();
         rig.command(Command::CycleStart);
@@ -146,16 +178,10 @@ proptest! {
     /// confirmed.
     #[test]
     fn a_program_that_begins_at_a_line_switches_once_that_is_confirmed(
-        by_hand in prop::array::uniform2(prop::option::of(any::<bool>())),
-        switches in switches(), share in 0.0..1.0f64,
+        by_hand in by_hand(), switches in switches(), share in 0.0..1.0f64,
     ) {
-        let mut rig = staying_on();
-        rig.goes_on = false;
-        for (name, on) in ["valve", "clamp"].into_iter().zip(by_hand) {
-            if let Some(on) = on {
-                go(&mut rig, output(name, on));
-            }
-        }
+        let mut rig = cooled();
+        switch_by_hand(&mut rig, by_hand);
         let text = program(&switches);
         let moves: Vec<_> = (1..).zip(text.lines()).filter(|(_, block)| block.starts_with("G1 X")).collect();
         let (line, _) = moves[1 + (share * (moves.len() - 2) as f64) as usize];
@@ -165,12 +191,72 @@ proptest! {
         go(&mut rig, Command::Run { from_line: Some(line) });
         prop_assert_eq!(state(&rig), State::Held, "{:?}", rig.problems);
         prop_assert_eq!(outputs(&mut rig).0, before);
-        // The clamp is safe where it is on.
-        let as_it_is = [by_hand[0].unwrap_or(false), by_hand[1].unwrap_or(true)];
+        // A program takes the coolant to be off until it switches it on, and tells so.
+        let as_it_is = [by_hand[0].unwrap_or(false), by_hand[1].unwrap_or(true), false];
         let expected = digital(programmed(&text, line, as_it_is.map(Some)));
         rig.command(Command::CycleStart);
         run_to(&mut rig, line);
         prop_assert_eq!(outputs(&mut rig).0, expected);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(10))]
+
+    /// A program that is wrong in its first lines switches nothing: not what is safe on, what was switched by hand, or what typed
+    /// lines have left on. What comes after begins with that.
+    #[test]
+    fn a_program_that_is_wrong_switches_nothing(
+        by_hand in prop::array::uniform3(prop::option::of(any::<bool>())), left_on in prop::option::of(select(vec!["M64 P1", "M65 P2", "M8", "M3 S500"])),
+        wrong in select(vec!["G1 X9000 F100", "G1 X", "G64 P-1\nG1 X5 F100", "#<a> = [1/0]", "o<nowhere> call", "M64 P99", "G2 X5 F100"]),
+        typed: bool,
+    ) {
+        let mut rig = cooled();
+        switch_by_hand(&mut rig, by_hand);
+        if let Some(line) = left_on {
+            mdi(&mut rig, line);
+        }
+        let before = outputs(&mut rig);
+        let since = rig.events.len();
+        if typed {
+            go(&mut rig, Command::Mdi(wrong.to_owned()));
+        } else {
+            let file = rig.folder.file("part.ngc", &format!("G21 G90\n{wrong}\nM2\n"));
+            go(&mut rig, Command::Load(file));
+            go(&mut rig, Command::Run { from_line: None });
+        }
+        prop_assert!(!rig.problems.is_empty(), "{:?}", rig.events);
+        prop_assert_eq!(state(&rig), State::Ready);
+        prop_assert_eq!(outputs(&mut rig), before);
+        let switched = |event: &&Event| matches!(event, Event::Output { .. } | Event::AnalogOutput { .. });
+        prop_assert_eq!(rig.events[since..].iter().filter(switched).count(), 0);
+        let file = rig.folder.file("right.ngc", "G21 G90\nG1 X10 F3000\nM0\nM2\n");
+        go(&mut rig, Command::Load(file));
+        go(&mut rig, Command::Run { from_line: None });
+        let begins = programmed(left_on.unwrap_or_default(), 2, by_hand);
+        prop_assert_eq!(outputs(&mut rig).0 & (VALVE | CLAMP_IS_OFF | FLOOD), digital(begins));
+        prop_assert_eq!(state(&rig), State::Held);
+    }
+}
+
+/// M9 is off, whoever switched the coolant on.
+#[test]
+fn m9_switches_off_what_was_switched_on_by_hand() {
+    for typed in [true, false] {
+        let mut rig = cooled();
+        go(&mut rig, output("flood", true));
+        assert_eq!(outputs(&mut rig).0, FLOOD);
+        let file = rig.folder.file("part.ngc", "M0\nM9\nM0\nM2\n");
+        if typed {
+            mdi(&mut rig, "M9");
+        } else {
+            go(&mut rig, Command::Load(file));
+            go(&mut rig, Command::Run { from_line: None });
+            assert_eq!(outputs(&mut rig).0 & FLOOD, FLOOD);
+            go(&mut rig, Command::CycleStart);
+            assert_eq!(state(&rig), State::Held);
+        }
+        assert_eq!(outputs(&mut rig).0 & FLOOD, 0);
     }
 }
 

@@ -508,8 +508,14 @@ proptest! {
 
 /// The portal with such a node, staying on, and a spindle's output besides.
 pub(super) fn staying_on() -> Rig {
+    staying_on_with("")
+}
+
+/// The same, with more of these in its machine file.
+pub(super) fn staying_on_with(more: &str) -> Rig {
     const TURNS: &str = "\n[[output]]\nname = \"turns\"\nio = \"cabinet\"\nsignal = \"DO3\"\nfunction = \"spindle\"\n\n[machine]\n";
-    let wired = WIRED.replace("[machine]\n", TURNS.trim_start());
+    let more = format!("{more}{}", TURNS.trim_start());
+    let wired = WIRED.replace("[machine]\n", &more);
     let mut rig = Rig::staying_on("portal", &[("[machine]\n", &wired)], |_, _| ());
     set(&mut rig, ENABLE, true);
     settle(&mut rig);

@@ -704,6 +704,10 @@ impl Checker for Outputs {
                 if is_program || *outcome == Outcome::Stopped {
                     self.stop();
                 }
+                // One that is wrong in its first lines leaves all as it was; behind a motion it stops as well.
+                if is_program && *outcome == Outcome::Broken {
+                    (self.to_be_safe, self.left) = (false, None);
+                }
             }
             _ => {}
         }

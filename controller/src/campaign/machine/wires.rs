@@ -52,7 +52,7 @@ pub(super) const HOME: &str = "function = \"home\"";
 pub(super) const OUTPUTS: [&str; 4] = [
     "function = \"spindle\"",
     "function = \"mist\"",
-    "function = \"flood\"\nsafe = \"on\"",
+    "function = \"flood\"\nactive_low = true",
     "function = \"spindle_reverse\"\nactive_low = true",
 ];
 
