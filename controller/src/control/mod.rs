@@ -531,6 +531,7 @@ impl<const N: usize> Controller<N> {
         if let Err(fault) = self.watch_inputs() {
             self.fail(fault);
         }
+        self.watch_contact();
         if let Err(fault) = self.watch_limit_switches() {
             self.fail(fault);
         }

@@ -219,6 +219,7 @@ impl AxisTable {
             position_loss: (self.position_loss)
                 .map(|ms| Duration::from_millis(ms.into_inner() as u64)),
             motion: Motion::Path,
+            shaped_by: 0.0,
             simulation: self.simulation,
         };
         (axis, (self.homing, self.limit_switches))

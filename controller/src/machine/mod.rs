@@ -217,6 +217,8 @@ pub struct Axis {
     pub feedback: Option<Feedback>,
     /// How its drives bring it to where it is sent.
     pub motion: Motion,
+    /// By how much its setpoints come later than they are planned, in the mean, by the `[shaper]`: s.
+    pub shaped_by: f64,
     /// `unsupervised_stop = "hardware"`: the enable chain stops its drives where the controller dies and they
     /// do not notice.
     pub hardware_stops: bool,
@@ -270,7 +272,7 @@ impl AxisLimits {
         at_rest + (self.following_error - at_rest) * part
     }
 
-    /// How far the axis goes from a steady speed, mm/s, until it rests, mm: it slows down as it speeds up,
+    /// How far the plan of the axis goes from a steady speed, mm/s, until it rests, mm: it slows down as it speeds up,
     /// on average at half of that speed.
     #[must_use]
     pub fn stopping_distance(&self, speed: f64) -> f64 {
@@ -317,6 +319,13 @@ pub enum MachineError {
 }
 
 impl Axis {
+    /// How far it goes from a steady speed, mm/s, until it rests, mm: as far as its limits say, and by what the shaper has
+    /// still to bring.
+    #[must_use]
+    pub fn stopping_distance(&self, speed: f64) -> f64 {
+        self.limits.stopping_distance(speed) + speed * self.shaped_by
+    }
+
     /// As programs and messages name it.
     #[must_use]
     pub fn name(&self) -> &'static str {

@@ -18,8 +18,8 @@ use super::simulation;
 use super::spindle::SpindleTable;
 use super::user_code::UserCodeTable;
 use super::{
-    Bus, Controller, Drive, HomingPolicy, Machine, PathTolerances, Probing, Validation, assumed,
-    spindle, validation,
+    Bus, Controller, Drive, HomingPolicy, Machine, Motion, PathTolerances, Probing, Validation,
+    assumed, spindle, validation,
 };
 use std::{collections::BTreeMap, ops::Range, path::Path, time::Duration};
 use syncline_drives::model::{Assumed, Direction, Increments, MODELS, Model, Scaling};
@@ -242,6 +242,11 @@ impl Tables {
                 axis.join(own, encoder)
             })
             .unzip();
+        let shaped_by = shaper.as_ref().map_or(0.0, Shaper::mean);
+        for (axis, motion) in axes.iter_mut().zip(&motions) {
+            let by_itself = matches!(motion, Some((Motion::PointToPoint, _)));
+            axis.shaped_by = if by_itself { 0.0 } else { shaped_by };
+        }
         for axis in &axes {
             simulation::check(log, axis, &axes);
         }

@@ -2,6 +2,7 @@
 
 use super::replayed::again;
 use proptest::prelude::*;
+use proptest::sample::select;
 use std::process::Stdio;
 use syncline_controller::control::fault::BlockCause;
 use syncline_controller::control::{End, Event, Fault, KnownBy, ProbeFailure, Row, State};
@@ -399,6 +400,38 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig { max_shrink_iters: 20, ..ProptestConfig::with_cases(6) })]
+
+    /// What a shaper has still to bring behind the contact counts, too: a probing goes no further than is allowed, or is
+    /// refused.
+    #[test]
+    fn a_shaped_probing_stays_within_its_overtravel(
+        kind in select(vec!["zv", "zvd", "ei", "two_hump_ei"]),
+        frequency in 3.0..20.0f64, overtravel in 0.3..4.0f64, feed in 60.0..2000.0f64,
+    ) {
+        let machine = with(&wired(&ALL)).replace(
+            "[model.lxm32m]",
+            &format!(
+                "[probing]\novertravel = {overtravel:.3}\n\n[shaper]\nkind = \"{kind}\"\nmodes = [[{frequency:.3}, 0.02]]\n\n[model.lxm32m]"
+            ),
+        );
+        let program = format!("G21 G90\nG0 X-10 Y15 Z-15\nG0 Z-30\nG38.2 X25 F{feed:.1}\nM2\n");
+        let mut rig = Rig::new("xyz", &[(HERE, &*machine)], &program, |_, _| ());
+        match rig.finish() {
+            End::Finished => {
+                let far = rig.rows.iter().map(|row| row.plan.position[0]).fold(f64::MIN, f64::max);
+                // The ball of 4 mm touches the face at X0.
+                prop_assert!(far + 2.0 <= overtravel + 0.01, "{far}");
+            }
+            End::Fault(Fault::Block(_, BlockCause::Probing(ProbeFailure::TooFast { overtravel: told, .. }))) => {
+                prop_assert!(told > overtravel);
+            }
+            end => prop_assert!(false, "{end:?}"),
+        }
+    }
+}
+
 /// Behind the contact an axis is held back, outside of its window.
 #[test]
 fn one_that_does_not_settle_ends_it() {
@@ -459,6 +492,56 @@ fn contact_at_a_turn_of_the_path_stops() {
         assert_eq!(rig.finish_with_fault(), Fault::Touched, "{wake_ups}");
         let x = rig.rows.last().expect("it moved").plan.position[0];
         assert!(x > 15.0, "{wake_ups}: {x}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { max_shrink_iters: 20, ..ProptestConfig::with_cases(8) })]
+
+    /// A jog, or a typed line, that begins in contact goes no further into the work than a probing may, and away from it, also
+    /// behind that, as far as it is to.
+    #[test]
+    fn a_probe_that_touches_is_not_driven_further(
+        axis in select(vec![AxisLetter::X, AxisLetter::Y, AxisLetter::Z]),
+        way in 3.0..9.0f64, back: bool, speed in 5.0..60.0f64, typed: bool, again in 0..3,
+    ) {
+        let mut rig = staying_on();
+        go(&mut rig, Command::Mdi("G21 G90\nG0 X-10 Y15 Z-15\nG0 Z-30".into()));
+        go(&mut rig, Command::Jog(Jog::By { axis: AxisLetter::X, distance: 25.0, speed: Some(10.0) }));
+        let touches = |rig: &Rig| rig.session.status().inputs.contains(&true);
+        let contact = rig.session.status().setpoint;
+        prop_assert!(touches(&rig));
+        let from = |rig: &Rig| {
+            let at = rig.session.status().setpoint;
+            (0..3).map(|axis| (at[axis] - contact[axis]).powi(2)).sum::<f64>().sqrt()
+        };
+        let distance = if back { -way } else { way };
+        // Beside and above the face, and along it, there is the same work.
+        let into = axis != AxisLetter::X || !back;
+        for _ in 0..=again {
+            let told = rig.events.len();
+            go(&mut rig, match typed {
+                true => Command::Mdi(format!("G91 G1 {axis}{distance:.3} F{:.1}\nG90", speed * 60.0)),
+                false => Command::Jog(Jog::By { axis, distance, speed: Some(speed) }),
+            });
+            let stopped = rig.events[told..].contains(&Event::Touched);
+            prop_assert_eq!(stopped, into, "{:?}", rig.events);
+            prop_assert_eq!(touches(&rig), into);
+            if !into {
+                prop_assert!((from(&rig) - way).abs() < 1e-6);
+                break;
+            }
+            // What the axes go on for as they stop, each time that it is tried.
+            let stops = speed * speed / 500.0 + speed * 0.08 + 0.1;
+            prop_assert!(from(&rig) < 2.0 + stops * f64::from(again + 2), "{}", from(&rig));
+        }
+        let before = rig.events.len();
+        let home = Jog::By { axis: AxisLetter::X, distance: -10.0, speed: Some(speed) };
+        if into && axis == AxisLetter::X {
+            go(&mut rig, Command::Jog(home));
+            prop_assert!(!rig.events[before..].contains(&Event::Touched));
+            prop_assert!(!touches(&rig));
+        }
     }
 }
 

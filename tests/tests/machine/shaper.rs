@@ -1,9 +1,13 @@
 //! A machine whose setpoints are shaped against its vibrations.
 
+use super::day::{go, settle};
+use proptest::prelude::*;
+use proptest::sample::select;
 use std::path::Path;
 use syncline_controller::control::{End, Event, Hold, Phase, Switch};
 use syncline_controller::machine::Machine;
-use syncline_controller::session::Command;
+use syncline_controller::session::{Command, Direction, Jog, Override};
+use syncline_gcode::AxisLetter;
 use syncline_tests::command::machine_with;
 use syncline_tests::rig::{PORTAL_PROGRAM, Rig};
 
@@ -181,5 +185,43 @@ fn what_a_shaper_cannot_be_is_refused_by_name() {
             .unwrap_err()
             .to_string();
         assert!(refused.contains(told), "{keys}: {refused}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { max_shrink_iters: 20, ..ProptestConfig::with_cases(6) })]
+
+    /// What is told of how far a jog goes on counts what the shaper has still to bring.
+    #[test]
+    fn a_jog_goes_on_as_far_as_is_told(
+        kind in select(vec![None, Some("zv"), Some("zvd"), Some("ei"), Some("two_hump_ei")]),
+        frequency in 3.0..20.0f64, speed in 10.0..700.0f64,
+    ) {
+        let shaper = kind.map(|kind| {
+            let shaper = format!("[shaper]\nkind = \"{kind}\"\nmodes = [[{frequency:.3}, 0.02]]\n\n");
+            ("[[bus]]\nname = \"portal\"", shaper + "[[bus]]\nname = \"portal\"")
+        });
+        let changes: Vec<_> = shaper.iter().map(|(from, to)| (*from, &**to)).collect();
+        let mut rig = Rig::staying_on("portal", &changes, |_, _| ());
+        settle(&mut rig);
+        go(&mut rig, Command::RapidOverride(Override::To(100.0)));
+        let axis = AxisLetter::X;
+        let jog = Jog::Continuous { axis, direction: Direction::Positive, speed: Some(speed) };
+        rig.command(Command::Jog(jog));
+        let velocity = |rig: &Rig| rig.rows.last().map_or(0.0, |row| row.plan.velocity[0]);
+        let mut steady = 0;
+        while steady < 20 {
+            steady = if velocity(&rig) > speed - 1e-6 { steady + 1 } else { 0 };
+            prop_assert!(rig.step());
+            rig.command(Command::RenewJog(axis));
+        }
+        let position = |rig: &Rig| rig.rows.last().map_or(0.0, |row| row.plan.position[0]);
+        let from = position(&rig);
+        go(&mut rig, Command::EndJog(axis));
+        let gone = position(&rig) - from;
+        let told = rig.machine.axes[0].stopping_distance(speed);
+        // The command takes a few cycles of 2 ms until it is obeyed.
+        let reaction = 5.0 * 2e-3 * speed;
+        prop_assert!(gone >= told - 1e-6 && gone <= told + reaction, "{gone} mm of {told}");
     }
 }

@@ -115,7 +115,7 @@ impl Model {
         let referenced = self.status.referenced[axis.letter.index()];
         let part = self.status.settings.rapid_override / 100.0;
         let speed = axis.fastest_jog(referenced) * part;
-        axis.limits.stopping_distance(speed)
+        axis.stopping_distance(speed)
     }
 
     /// What stopped the machine, the first cause on top, and what is not completed.

@@ -34,6 +34,7 @@ use super::node::DeviceNode;
 use super::{Controller, Event, Fault, Phase};
 use crate::machine::stopping_distance;
 use contact::{Contact, Samples};
+use std::array;
 use syncline_drives::model::Capture;
 use syncline_gcode::Probe;
 use syncline_trajectory::path::Jog;
@@ -89,6 +90,10 @@ pub(super) struct Probing<const N: usize> {
     touched: bool,
     /// The cycle of the last contact while nobody was probing.
     touched_last: Option<u64>,
+    /// Where the contact that there is began while the axes moved, mm.
+    contact_at: Option<[f64; N]>,
+    /// The axes go too far from there, which has been told.
+    pressed: bool,
     /// Cycles that the axes had to settle, where the motion is over.
     settling: u64,
 }
@@ -104,6 +109,8 @@ impl<const N: usize> Probing<N> {
             samples: Samples::none(),
             touched: false,
             touched_last: None,
+            contact_at: None,
+            pressed: false,
             settling: 0,
         }
     }
@@ -122,6 +129,7 @@ impl<const N: usize> Probing<N> {
     pub(super) fn abort(&mut self) {
         *self = Self {
             touched_last: self.touched_last,
+            contact_at: self.contact_at,
             ..Self::new()
         };
     }
@@ -167,8 +175,11 @@ impl<const N: usize> Controller<N> {
     /// its setpoints.
     pub(super) fn touched(&mut self) {
         let rests = self.cycle - self.moved > self.still_cycles().into() && self.goers_rest();
-        let probes = self.probing.is_active() || self.beside_path.awaits_plan();
-        if probes || rests || self.phase != Phase::Program {
+        if rests {
+            return;
+        }
+        self.probing.contact_at = Some(self.planned.position);
+        if self.probes() || self.phase != Phase::Program {
             return;
         }
         let last = self.probing.touched_last.replace(self.cycle);
@@ -176,6 +187,39 @@ impl<const N: usize> Controller<N> {
         if last.is_none_or(|last| self.cycle - last > ONE_CONTACT) {
             self.tell(Event::Touched);
         }
+        self.stop_at_contact();
+    }
+
+    /// A contact that stays has to open: nobody drives the probe further than `overtravel` from where the contact began,
+    /// also by jogs that begin in it.
+    pub(super) fn watch_contact(&mut self) {
+        let Some(began) = self.probing.contact_at else {
+            return;
+        };
+        if self.touches() == Some(false) {
+            (self.probing.contact_at, self.probing.pressed) = (None, false);
+            return;
+        }
+        let plan = &self.planned;
+        let way: [f64; N] = array::from_fn(|at| plan.position[at] - began[at]);
+        let along = |other: &[f64; N]| -> f64 { way.iter().zip(other).map(|(a, b)| a * b).sum() };
+        let is_further = along(&way).sqrt() > self.layout.probing.overtravel;
+        let goes_on = along(&plan.velocity) > 0.0;
+        let presses = is_further && goes_on && !self.probes() && self.phase == Phase::Program;
+        if presses && !self.probing.pressed {
+            self.tell(Event::Touched);
+            self.stop_at_contact();
+        }
+        self.probing.pressed = presses;
+    }
+
+    /// Whether the program probes, so that contact is what it looks for.
+    fn probes(&self) -> bool {
+        self.probing.is_active() || self.beside_path.awaits_plan()
+    }
+
+    /// What moves comes to rest, as nobody is probing.
+    fn stop_at_contact(&mut self) {
         if !self.stays_on {
             self.fail(Fault::Touched);
         } else if self.job.is_some() || self.homing.is_active() {
@@ -237,7 +281,8 @@ impl<const N: usize> Controller<N> {
         }
         let stop = stopping_distance(speed, acceleration, jerk);
         let cycles = REACTION + self.layout.lag;
-        let overtravel = stop + speed * cycles * self.layout.cycle.as_secs_f64();
+        let late = cycles * self.layout.cycle.as_secs_f64() + self.layout.shaper.mean();
+        let overtravel = stop + speed * late;
         let allowed = self.layout.probing.overtravel;
         match overtravel > allowed {
             true => Err(ProbeFailure::TooFast {

@@ -2,7 +2,7 @@
 //! motor's torque.
 
 use super::super::simulation::{number, number_or};
-use super::super::{Axis, AxisLimits, Drive, stopping_distance};
+use super::super::{Axis, AxisLimits, Drive};
 use super::{Bounds, bounds, direction};
 use std::ops::Range;
 use std::time::Duration;
@@ -54,12 +54,11 @@ impl HardStopSearch {
     pub const WINDOWS: f64 = 4.0;
 
     /// How far the plan of an axis is beyond it at most when it has come to rest against its stop, mm.
-    fn lag(&self, limits: &AxisLimits, cycle: Duration) -> f64 {
+    fn lag(&self, axis: &Axis, cycle: Duration) -> f64 {
         let seen = self.speed * self.contact.as_secs_f64();
-        let stands = seen.max(Self::WINDOWS * limits.standstill);
+        let stands = seen.max(Self::WINDOWS * axis.limits.standstill);
         let reaction = CYCLES * cycle.as_secs_f64() + LOOPS.as_secs_f64();
-        let stop = stopping_distance(self.speed, limits.acceleration, limits.jerk);
-        stands + self.speed * reaction + stop
+        stands + self.speed * reaction + axis.stopping_distance(self.speed)
     }
 }
 
@@ -152,7 +151,7 @@ impl HardStopTable {
             );
         }
         let (lag, allowed) = (
-            self.search.lag(&axis.limits, cycle),
+            self.search.lag(axis, cycle),
             axis.limits.following_error_at(0.0),
         );
         if lag > allowed {
