@@ -7,104 +7,222 @@ use crate::session::{
     Command, Direction, Jog, LEAST, MOST_FEED, MOST_RAPID, Override, StepChange, SwitchChange,
 };
 use std::collections::VecDeque;
+use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 use syncline_gcode::AxisLetter;
 
-/// An event's name, what its value has to be, if it has one, and the command that they make.
-type Event = (&'static str, &'static str, fn(&str) -> Option<Command>);
+/// What an operator may write.
+#[derive(Clone, Copy)]
+pub(super) struct Event {
+    pub(super) name: &'static str,
+    /// What its value has to be; empty where it has none.
+    needs: &'static str,
+    /// What comes of it.
+    meaning: &'static str,
+    /// The command that it makes with a value, of one that is right.
+    read: fn(&str) -> Option<Command>,
+}
 
-const EVENTS: [Event; 27] = [
-    (
-        "feed_override",
-        "0 or a value from 0.1 to 200 (%)",
-        |value| percent(value, MOST_FEED).map(Command::FeedOverride),
-    ),
-    (
-        "rapid_override",
-        "0 or a value from 0.1 to 100 (%)",
-        |value| percent(value, MOST_RAPID).map(Command::RapidOverride),
-    ),
-    ("feed_hold", "", |_| Some(Command::FeedHold)),
-    ("resume", "", |_| Some(Command::Resume)),
-    ("single_block", ON_OFF, |value| {
-        switch(value).map(Command::SingleBlock)
-    }),
-    ("optional_stop", ON_OFF, |value| {
-        switch(value).map(Command::OptionalStop)
-    }),
-    ("retrace", "", |_| Some(Command::Retrace)),
-    (
-        "jog",
-        "an axis and a distance as `X+1.5`, or its sign as `X-`; then as `F600` mm/min (A, B, C: °/min), at will",
-        |value| jog(value).map(Command::Jog),
-    ),
-    ("renew_jog", AXIS, |value| {
-        axis(value).map(Command::RenewJog)
-    }),
-    ("end_jog", AXIS, |value| axis(value).map(Command::EndJog)),
-    ("jog_to", POSITIONS, |value| {
-        positions(value).map(|to| Command::Jog(Jog::To(to)))
-    }),
-    ("move_to", POSITIONS, |value| {
-        positions(value).map(|to| Command::Jog(Jog::Line(to)))
-    }),
-    ("stop", "", |_| Some(Command::Stop)),
-    ("cycle_start", "", |_| Some(Command::CycleStart)),
-    ("jog_step", "a distance in mm or degrees", |value| {
-        let step = number(value).filter(|step| *step > 0.0);
-        step.map(|step| Command::JogStep(StepChange::To(step)))
-    }),
-    ("go_to", POSITIONS, |value| {
-        positions(value).map(Command::GoTo)
-    }),
-    ("set_offset", POSITIONS, |value| {
-        positions(value).map(Command::SetWorkOffset)
-    }),
-    ("set_tool_length", POSITIONS, |value| {
-        positions(value).map(Command::SetToolLength)
-    }),
-    ("load", "a file", |value| {
-        (!value.is_empty()).then(|| Command::Load(value.into()))
-    }),
-    ("run", "nothing, or the line to begin at", |value| {
-        let from_line = match value {
-            "" => None,
-            line => Some(line.parse().ok().filter(|line| *line > 0)?),
-        };
-        Some(Command::Run { from_line })
-    }),
-    ("mdi", "blocks, with `;` in between", |value| {
-        let lines = value.replace(';', "\n");
-        (!value.is_empty()).then_some(Command::Mdi(lines))
-    }),
-    ("home", "nothing, or axes as `X Y`", |value| {
-        letters(value).map(Command::Home)
-    }),
-    (
-        "output",
-        "the name of an output, then `on` or `off`",
-        output,
-    ),
-    ("enable", "", |_| Some(Command::Enable)),
-    ("disable", "", |_| Some(Command::Disable)),
-    ("reset", "", |_| Some(Command::Reset)),
-    ("switch_off", "", |_| Some(Command::SwitchOff)),
+/// For a list: `jog_step   how far a key moves an axis: a distance in mm or degrees`.
+impl fmt::Display for Event {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:<18} {}", self.name, self.meaning)?;
+        match self.needs {
+            "" => Ok(()),
+            needs => write!(f, ": {needs}"),
+        }
+    }
+}
+
+/// All that there are.
+pub(super) const EVENTS: [Event; 27] = [
+    Event {
+        name: "feed_override",
+        needs: "0 or a value from 0.1 to 200 (%)",
+        meaning: "of the programmed feed from now on; 0 rests on the path",
+        read: |value| percent(value, MOST_FEED).map(Command::FeedOverride),
+    },
+    Event {
+        name: "rapid_override",
+        needs: "0 or a value from 0.1 to 100 (%)",
+        meaning: "of the speed of rapid moves, homing and jogs; 0 holds them",
+        read: |value| percent(value, MOST_RAPID).map(Command::RapidOverride),
+    },
+    Event {
+        name: "feed_hold",
+        needs: "",
+        meaning: "the axes come to rest on the path and wait there",
+        read: |_| Some(Command::FeedHold),
+    },
+    Event {
+        name: "resume",
+        needs: "",
+        meaning: "a program that was held or interrupted is taken up; cycle_start confirms it",
+        read: |_| Some(Command::Resume),
+    },
+    Event {
+        name: "single_block",
+        needs: ON_OFF,
+        meaning: "the path rests behind each block",
+        read: |value| switch(value).map(Command::SingleBlock),
+    },
+    Event {
+        name: "optional_stop",
+        needs: ON_OFF,
+        meaning: "M1 stops as M0 does",
+        read: |value| switch(value).map(Command::OptionalStop),
+    },
+    Event {
+        name: "retrace",
+        needs: "",
+        meaning: "from a hold, one block back along the path",
+        read: |_| Some(Command::Retrace),
+    },
+    Event {
+        name: "jog",
+        needs: "an axis and a distance as `X+1.5`, or its sign as `X-`; then as `F600` mm/min (A, B, C: °/min), at will",
+        meaning: "moves one axis by a distance, or for as long as it is renewed",
+        read: |value| jog(value).map(Command::Jog),
+    },
+    Event {
+        name: "renew_jog",
+        needs: AXIS,
+        meaning: "a jog goes on: to be said at least every 200 ms",
+        read: |value| axis(value).map(Command::RenewJog),
+    },
+    Event {
+        name: "end_jog",
+        needs: AXIS,
+        meaning: "a jog comes to rest",
+        read: |value| axis(value).map(Command::EndJog),
+    },
+    Event {
+        name: "jog_to",
+        needs: POSITIONS,
+        meaning: "moves axes there, machine coordinates, each by its own way",
+        read: |value| positions(value).map(|to| Command::Jog(Jog::To(to))),
+    },
+    Event {
+        name: "move_to",
+        needs: POSITIONS,
+        meaning: "moves axes there, machine coordinates, on a straight line",
+        read: |value| positions(value).map(|to| Command::Jog(Jog::Line(to))),
+    },
+    Event {
+        name: "stop",
+        needs: "",
+        meaning: "what is at work ends on its path, and outputs become safe",
+        read: |_| Some(Command::Stop),
+    },
+    Event {
+        name: "cycle_start",
+        needs: "",
+        meaning: "begins the program that is loaded, or goes on",
+        read: |_| Some(Command::CycleStart),
+    },
+    Event {
+        name: "jog_step",
+        needs: "a distance in mm or degrees",
+        meaning: "how far a key moves an axis",
+        read: |value| {
+            let step = number(value).filter(|step| *step > 0.0);
+            step.map(|step| Command::JogStep(StepChange::To(step)))
+        },
+    },
+    Event {
+        name: "go_to",
+        needs: POSITIONS,
+        meaning: "moves axes there, work coordinates, on a straight line",
+        read: |value| positions(value).map(Command::GoTo),
+    },
+    Event {
+        name: "set_offset",
+        needs: POSITIONS,
+        meaning: "the work offset in effect, so that the tool stands there",
+        read: |value| positions(value).map(Command::SetWorkOffset),
+    },
+    Event {
+        name: "set_tool_length",
+        needs: POSITIONS,
+        meaning: "the length of the tool, so that its tip stands there",
+        read: |value| positions(value).map(Command::SetToolLength),
+    },
+    Event {
+        name: "load",
+        needs: "a file",
+        meaning: "which program `run` begins",
+        read: |value| (!value.is_empty()).then(|| Command::Load(value.into())),
+    },
+    Event {
+        name: "run",
+        needs: "nothing, or the line to begin at",
+        meaning: "begins the program that is loaded",
+        read: |value| {
+            let from_line = match value {
+                "" => None,
+                line => Some(line.parse().ok().filter(|line| *line > 0)?),
+            };
+            Some(Command::Run { from_line })
+        },
+    },
+    Event {
+        name: "mdi",
+        needs: "blocks, with `;` in between",
+        meaning: "does typed lines",
+        read: |value| {
+            let lines = value.replace(';', "\n");
+            (!value.is_empty()).then_some(Command::Mdi(lines))
+        },
+    },
+    Event {
+        name: "home",
+        needs: "nothing, or axes as `X Y`",
+        meaning: "homes axes, all without a value",
+        read: |value| letters(value).map(Command::Home),
+    },
+    Event {
+        name: "output",
+        needs: "the name of an output, then `on` or `off`",
+        meaning: "switches an output by hand where the machine rests",
+        read: output,
+    },
+    Event {
+        name: "enable",
+        needs: "",
+        meaning: "drives get their power",
+        read: |_| Some(Command::Enable),
+    },
+    Event {
+        name: "disable",
+        needs: "",
+        meaning: "drives lose their power, once the axes rest",
+        read: |_| Some(Command::Disable),
+    },
+    Event {
+        name: "reset",
+        needs: "",
+        meaning: "behind a fault: drives are set up anew, nothing moves",
+        read: |_| Some(Command::Reset),
+    },
+    Event {
+        name: "switch_off",
+        needs: "",
+        meaning: "ends the session, drives without power",
+        read: |_| Some(Command::SwitchOff),
+    },
 ];
 
 const ON_OFF: &str = "`on` or `off`";
 
-/// What an operator may write, each with what its value has to be.
-pub(super) fn vocabulary() -> impl Iterator<Item = (&'static str, &'static str)> {
-    EVENTS.iter().map(|(name, needs, _)| (*name, *needs))
-}
-
-/// The command that an event's name and its value make.
+/// The command that an event's name and its value make, for those who know these `other` words, too.
 ///
 /// # Errors
 /// What is wrong with them.
-pub(super) fn command(event: &str, value: &str) -> Result<Command, String> {
-    let (name, needs, read) = known(event)?;
+pub(super) fn command(event: &str, value: &str, other: &[&str]) -> Result<Command, String> {
+    let Event {
+        name, needs, read, ..
+    } = known(event, other)?;
     if needs.is_empty() && !value.is_empty() {
         return Err(format!("`{name}` has no value"));
     }
@@ -112,13 +230,13 @@ pub(super) fn command(event: &str, value: &str) -> Result<Command, String> {
 }
 
 /// The event of that name.
-fn known(event: &str) -> Result<Event, String> {
+fn known(event: &str, other: &[&str]) -> Result<Event, String> {
     if let Some((_, now)) = RENAMED.iter().find(|(old, _)| *old == event) {
         return Err(format!("`{event}` is called `{now}` now"));
     }
-    let known = EVENTS.iter().find(|(name, ..)| *name == event);
+    let known = EVENTS.iter().find(|it| it.name == event);
     known.copied().ok_or_else(|| {
-        let names = EVENTS.map(|(name, ..)| name);
+        let names = [&EVENTS.map(|it| it.name), other].concat();
         let near = |name: &&str| (strsim::jaro_winkler(name, event) * 1e6) as u64;
         let nearest = names.iter().max_by_key(|name| near(name)).copied();
         let (nearest, names) = (nearest.unwrap_or_default(), names.join(", "));
@@ -350,7 +468,7 @@ impl Events {
                     return Err(refuse(at, problem));
                 }
             };
-            known(event).map_err(|problem| refuse(event_at, problem))?;
+            known(event, &[]).map_err(|problem| refuse(event_at, problem))?;
             let (value_at, value) = match rest {
                 [] => (line.chars().count(), ""),
                 [value] => *value,
@@ -358,7 +476,8 @@ impl Events {
                     return Err(refuse(*more, "nothing follows the value".to_owned()));
                 }
             };
-            let command = command(event, value).map_err(|problem| refuse(value_at, problem))?;
+            let command =
+                command(event, value, &[]).map_err(|problem| refuse(value_at, problem))?;
             events.push_back((when, command));
         }
         Ok(Self(events))

@@ -13,6 +13,7 @@ use crate::machine::{COORDINATES, Position};
 use crate::program::{Interrupted, Left, ModalState, Moves, Program, Programs, Setting};
 use crate::run::Work;
 use std::fs::File;
+use std::io;
 use std::path::{Path, PathBuf};
 use syncline_gcode::{AxisSet, InEffect, Memory, Modes, Outputs, Place, WorkCoordinates};
 
@@ -150,7 +151,12 @@ impl Jobs {
     /// Loads a program; it is read when it runs. One that was interrupted is given up, unless it waits in `state` to be
     /// resumed.
     pub(super) fn load(&mut self, file: &Path, state: State) -> Result<(), Refusal> {
-        File::open(file).map_err(|error| Refusal::Unreadable {
+        let found = File::open(file).and_then(|file| file.metadata());
+        let readable = found.and_then(|found| match found.is_dir() {
+            true => Err(io::ErrorKind::IsADirectory.into()),
+            false => Ok(()),
+        });
+        readable.map_err(|error| Refusal::Unreadable {
             file: file.to_owned(),
             why: error.to_string(),
         })?;

@@ -267,14 +267,16 @@ fn lines_of_text_are_a_day_too() {
     let machine = folder.machine("portal");
     let part = folder.file("part.ngc", "G1 X30 F12000\nM0 (look)\nX0\nM3 S100\nM2\n");
     let lines = format!(
-        "?\njog X+10\nset_offset X0 Y0\nbogus\nmdi G0 X5; X\nmdi G0 X5\nwait\nfeed_override 80\nstatus\nload {}\nrun\nwait\n\
+        "?\njog X+10\nset_offset X0 Y0\nbogus\nload /\nmdi G0 X5; X\nmdi G0 X5\nwait\nfeed_override 80\nstatus\nload {}\nrun\nwait\n\
          disable\nwait\nrun\nenable\n",
         part.display()
     );
     let told = console_by_lines(&machine, &lines);
     for part in [
-        "set_tool_length",
+        "  single_block       the path rests behind each block: `on` or `off`",
         "unknown event `bogus`",
+        "switch_off, ?, status, faults, wait",
+        "is a directory",
         "ready: work X",
         "\nprogram: no program, ",
         "\nstops in: X",

@@ -1,6 +1,7 @@
 //! The console as lines of text: commands in, what happens out. It works without a terminal.
 
-use super::super::{events, told_event};
+use super::super::events::{self, EVENTS};
+use super::super::told_event;
 use super::model::Model;
 use super::{told, values};
 use crate::control::{Event as MachineEvent, HOLD_TO_RUN, Layout, State};
@@ -30,13 +31,22 @@ const WAIT: &str = "wait";
 /// Bytes of a line at most, with its end.
 const LONGEST: u64 = 4096;
 
-/// What is told to who asks.
-const HELP: &str = "\
-commands, a line each; one that begins something waits until what is under way is over:
-  ?                  this list
-  status             all that the screen shows: state, positions, program, speeds, drives, inputs …
-  faults             what stopped the machine, where, and what may be done
-  wait               the lines behind it, but for stop and feed_hold, wait until the machine rests";
+/// What is told to who asks, by the word that asks for it.
+const ASKED: [(&str, &str); 4] = [
+    ("?", "this list"),
+    (
+        "status",
+        "all that the screen shows: state, positions, program, speeds, drives, inputs …",
+    ),
+    (
+        "faults",
+        "what stopped the machine, where, and what may be done",
+    ),
+    (
+        WAIT,
+        "the lines behind it, but for stop and feed_hold, wait until the machine rests",
+    ),
+];
 
 /// Begins to obey the lines of standard input and to tell what happens; the thread that tells ends
 /// with the session.
@@ -220,9 +230,14 @@ impl Reader {
     }
 
     fn help(&self) {
-        println!("{HELP}");
-        for (name, needs) in events::vocabulary() {
-            println!("  {name:<18} {needs}");
+        println!(
+            "commands, a line each; one that begins something waits until what is under way is over:"
+        );
+        for (word, meaning) in ASKED {
+            println!("  {word:<18} {meaning}");
+        }
+        for event in &EVENTS {
+            println!("  {event}");
         }
     }
 }
@@ -230,7 +245,7 @@ impl Reader {
 /// The command of a line.
 fn parsed(line: &str) -> Result<Command, String> {
     let (name, value) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
-    events::command(name, value.trim())
+    events::command(name, value.trim(), &ASKED.map(|(word, _)| word))
 }
 
 /// Whether it begins something, and waits for what is under way.
@@ -391,7 +406,7 @@ impl Teller {
         let [unit, ..] = axis.units();
         Some(format!(
             "jog {letter}: stops in {:.3} {unit}, {} ms after the last `renew_jog {letter}`",
-            axis.limits.stopping_distance(speed),
+            axis.stopping_distance(speed),
             HOLD_TO_RUN.as_millis()
         ))
     }

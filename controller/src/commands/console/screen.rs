@@ -16,7 +16,8 @@
 //!
 //! Nobody is there any more: the machine comes to rest and is switched off, in whatever state it is.
 
-use super::super::{events, keys};
+use super::super::events::{self, EVENTS};
+use super::super::keys;
 use super::model::Model;
 use super::view;
 use crate::control::{Layout, State};
@@ -245,7 +246,7 @@ impl Keyboard {
             KeyCode::Enter => {
                 self.show(Screen::Prompt(None));
                 let (name, value) = text.split_once(' ').unwrap_or((&text, ""));
-                return match events::command(name, value.trim()) {
+                return match events::command(name, value.trim(), &[]) {
                     Ok(command) => self.command(command),
                     Err(problem) => {
                         self.show(Screen::Tell(problem));
@@ -259,8 +260,8 @@ impl Keyboard {
                 self.type_on(text);
             }
             KeyCode::Tab => {
-                let known = events::vocabulary().filter(|(name, _)| name.starts_with(&text));
-                let known: Vec<_> = known.map(|(name, _)| name).collect();
+                let known = EVENTS.iter().map(|event| event.name);
+                let known: Vec<_> = known.filter(|name| name.starts_with(&text)).collect();
                 self.show(Screen::Tell(known.join(", ")));
                 self.type_on(match known[..] {
                     [only] => format!("{only} "),
