@@ -16,7 +16,9 @@
 //!
 //! That voltage is in phase with the current. The current in the inductance of the turning phases takes another one, `p ω L i`
 //! with `p` pairs of poles, a quarter of a period before it, so that at most `√(u² − (p ω L i)²)` is left of the bus' `u`. What a
-//! current does not change of that within a step is left out of its exactness.
+//! current does not change of that within a step is left out of its exactness. A reference that the bus could not hold is brought
+//! to the nearest current that it can, driving or braking: a root of `(R i + e ω)² + (p ω L i)² = u²`. Where none is left, the
+//! motor turning too fast for its bus, the current is that of a motor with its phases shorted.
 //!
 //! The DC bus is a capacitor that the mains hold at its nominal voltage from below. Braking charges it;
 //! above a threshold the braking resistor takes energy out of it. Without mains a motor that drives takes it from the capacitor, and
@@ -258,18 +260,20 @@ impl PowerStage {
             self.closes = 1.0 - libm::exp(-CURRENT_BANDWIDTH * h);
         }
         let before = self.current;
-        let target = before + self.closes * (wanted / torque_constant - before);
-        let induced = torque_constant / 3.0 * velocity * TAU;
-        let asked = (target - self.fades * before) / self.admittance + induced;
-        let across = f64::from(pole_pairs) * velocity * TAU * inductance * before;
-        let most = self.phase_voltage_most();
-        let most = (most * most - across * across).max(0.0).sqrt();
+        let reference = before + self.closes * (wanted / torque_constant - before);
+        let winding = Winding {
+            resistance,
+            reactance: f64::from(pole_pairs) * velocity * TAU * inductance,
+            induced: torque_constant / 3.0 * velocity * TAU,
+        };
+        let (target, most) = winding.held(reference, self.phase_voltage_most());
+        let asked = (target - self.fades * before) / self.admittance + winding.induced;
         let voltage = asked.clamp(-most, most);
-        self.is_limited = voltage != asked;
+        self.is_limited = voltage != asked || target != reference;
         self.applied = voltage;
-        self.current = match self.is_limited {
-            true => self.fades * before + self.admittance * (voltage - induced),
-            false => target,
+        self.current = match voltage == asked {
+            true => target,
+            false => self.fades * before + self.admittance * (voltage - winding.induced),
         };
         let mean = 0.5 * (before + self.current);
         self.of_motor.heat(mean, h);
@@ -337,6 +341,36 @@ impl PowerStage {
         }
         let square = self.voltage * self.voltage - 2.0 * taken / capacitance;
         self.voltage = square.max(least * least).sqrt();
+    }
+}
+
+/// A phase of the motor at the speed that it has now.
+struct Winding {
+    /// Ω.
+    resistance: f64,
+    /// Of the inductance as the phases turn, `p ω L`, Ω.
+    reactance: f64,
+    /// V.
+    induced: f64,
+}
+
+impl Winding {
+    /// The current nearest to a reference, A, that a voltage of so many V holds at this speed, and what that leaves of the voltage in
+    /// phase with it, V: never less than what holds the current, so that it settles there and does not run away.
+    fn held(&self, reference: f64, voltage: f64) -> (f64, f64) {
+        let along = |current: f64| self.resistance * current + self.induced;
+        let left = |current: f64| voltage * voltage - (self.reactance * current).powi(2);
+        if along(reference).powi(2) <= left(reference) {
+            return (reference, left(reference).sqrt());
+        }
+        // Both resistance and reactance are of the whole phase's impedance; a motor has a resistance.
+        let square = self.resistance.powi(2) + self.reactance.powi(2);
+        let middle = -self.resistance * self.induced / square;
+        let reach = square * voltage * voltage - (self.reactance * self.induced).powi(2);
+        let reach = reach.max(0.0).sqrt() / square;
+        let current = reference.clamp(middle - reach, middle + reach);
+        let most = left(current).max(0.0).sqrt();
+        (current, most.max(along(current).abs()))
     }
 }
 
@@ -458,7 +492,9 @@ mod tests {
             let expected = 5.0 / resistance * (1.0 - libm::exp(-resistance * t / inductance));
             assert!((stage.current / expected - 1.0).abs() < 1e-9);
         }
-        // Beyond the speed at which the back-EMF is the whole voltage it can only brake.
+        // Beyond the speed at which the back-EMF is the whole voltage it can only brake, while what it brakes with does not
+        // raise that voltage.
+        stage.bus.capacitance = f64::INFINITY;
         let torque = (0..4000)
             .map(|_| {
                 stage.step(
@@ -535,7 +571,8 @@ mod tests {
         assert!(torques.iter().sum::<f64>().abs() < 1e-9);
     }
 
-    /// At the limit of the voltage `(R i + e ω)² + (p ω L i)² = u²`: what current is left at each speed, up to that without any.
+    /// At the limit of the voltage `(R i + e ω)² + (p ω L i)² = u²`: what current is left at each speed, up to that without any,
+    /// as the motor drives and as it brakes, turning either way.
     #[test]
     fn torque_over_speed_is_that_of_the_whole_phasor() {
         for motor in MOTORS {
@@ -548,27 +585,39 @@ mod tests {
             } = motor;
             let mut least = f64::INFINITY;
             for share in [0.2, 0.4, 0.6, 0.8, 0.9, 0.99] {
-                let mut stage = PowerStage::new(motor, DcBus::default());
-                let most = stage.phase_voltage_most();
+                let most = PowerStage::new(motor, DcBus::default()).phase_voltage_most();
                 let velocity = share * motor.no_load_speed(560.0);
                 let induced = torque_constant / 3.0 * velocity * TAU;
                 let reactance = f64::from(pole_pairs) * velocity * TAU * inductance;
                 let impedance = resistance * resistance + reactance * reactance;
                 let square =
                     (resistance * induced).powi(2) + impedance * (most * most - induced * induced);
-                let expected = (square.sqrt() - resistance * induced) / impedance;
-                for _ in 0..20_000 {
-                    stage.step(1e3, 0.0, velocity, H);
+                let drives = (square.sqrt() - resistance * induced) / impedance;
+                let brakes = (-square.sqrt() - resistance * induced) / impedance;
+                for (torque, way, expected) in [
+                    (1e3, 1.0, drives),
+                    (-1e3, -1.0, -drives),
+                    (-1e3, 1.0, brakes),
+                    (1e3, -1.0, -brakes),
+                ] {
+                    let mut stage = PowerStage::new(motor, DcBus::default());
+                    // What it brakes with goes nowhere: the voltage stays.
+                    stage.bus.capacitance = f64::INFINITY;
+                    for _ in 0..20_000 {
+                        stage.step(torque, 0.0, way * velocity, H);
+                        let (current, end) = (stage.current() / expected, 1.0 + 1e-9);
+                        assert!((0.0..=end).contains(&current), "{} {share}", motor.name);
+                    }
+                    assert!(stage.is_voltage_limited());
+                    let found = stage.current();
+                    assert!(
+                        (found / expected - 1.0).abs() < 1e-6,
+                        "{} {share}: {found} {expected}",
+                        motor.name
+                    );
                 }
-                assert!(stage.is_voltage_limited());
-                let found = stage.current();
-                assert!(
-                    (found / expected - 1.0).abs() < 1e-6,
-                    "{} {share}: {found} {expected}",
-                    motor.name
-                );
-                assert!(found < least);
-                least = found;
+                assert!(drives < least);
+                least = drives;
             }
         }
     }
@@ -607,7 +656,7 @@ mod tests {
     proptest! {
         /// Whatever is asked at whatever speed, with mains that come and go: finite, and no more torque than the peak current makes.
         #[test]
-        fn a_power_stage_stays_finite(
+        fn a_power_stage_stays_within_its_motor(
             motor in prop::sample::select(&MOTORS[..]),
             steps in prop::collection::vec((-100.0..100.0_f64, -400.0..400.0_f64, any::<bool>()), 1..40),
         ) {
@@ -617,8 +666,9 @@ mod tests {
                 for _ in 0..50 {
                     let wanted = wanted.clamp(-motor.peak_torque, motor.peak_torque);
                     let torque = stage.step(wanted, 0.1, velocity, H);
-                    prop_assert!(torque.is_finite() && stage.voltage().is_finite());
-                    prop_assert!(stage.voltage() >= 0.0);
+                    let most = motor.peak_torque * (1.0 + motor.ripple) + motor.cogging;
+                    prop_assert!(torque.abs() <= most * (1.0 + 1e-9), "{torque} of {most} N·m");
+                    prop_assert!(stage.voltage().is_finite() && stage.voltage() >= 0.0);
                 }
             }
         }
