@@ -72,6 +72,21 @@ pub struct Stability {
 }
 
 impl Stability {
+    /// The lesser margins of both, and the greater peak.
+    #[must_use]
+    pub fn least(&self, other: &Self) -> Self {
+        let least = |one: Margins, other: Margins| Margins {
+            phase: one.phase.min(other.phase),
+            gain: one.gain.min(other.gain),
+            crossover: one.crossover.max(other.crossover),
+        };
+        Self {
+            speed: least(self.speed, other.speed),
+            position: least(self.position, other.position),
+            peak: self.peak.max(other.peak),
+        }
+    }
+
     /// Whether they are as far from swinging as is wanted.
     #[must_use]
     pub fn keeps(&self, distance: &Distance) -> bool {
@@ -87,6 +102,14 @@ pub struct Mode {
     pub frequency: f64,
     /// Damping ratio.
     pub damping: f64,
+}
+
+impl Mode {
+    /// How fast it dies out, 1/s over 2 π.
+    #[must_use]
+    pub fn rate(&self) -> f64 {
+        self.damping * self.frequency
+    }
 }
 
 /// What an axis makes of a torque, at one frequency.
@@ -270,6 +293,22 @@ impl Tuning {
         })
     }
 
+    /// How far the speed loop is from swinging, whatever closes a loop about it; `None` if it is not stable.
+    #[must_use]
+    pub fn speed_margins(&self, gains: &Gains) -> Option<Margins> {
+        let all = self.responses.iter();
+        let open: Vec<_> = all
+            .map(|it| OpenLoops::at(gains, it, self.current).speed)
+            .collect();
+        self.margins(open.iter().copied())
+    }
+
+    /// Whether both loops are as far from swinging as is wanted.
+    #[must_use]
+    pub fn keeps(&self, gains: &Gains, distance: &Distance) -> bool {
+        self.stability(gains).is_some_and(|it| it.keeps(distance))
+    }
+
     /// Of an open loop; `None` if it is not stable once it is closed.
     fn margins(&self, open: impl Iterator<Item = Complex<f64>> + Clone) -> Option<Margins> {
         let mut margins = Margins {
@@ -320,7 +359,14 @@ impl Tuning {
     /// its speed loop is not faster than that of `like`. `None` if there are none.
     #[must_use]
     pub fn tuned(&self, like: &Gains, distance: &Distance) -> Option<Gains> {
-        let inertia = self.train.rotor_inertia + self.train.load_inertia;
+        Self::tuned_for(&[self], like, distance)
+    }
+
+    /// The same of an axis that may be any of these, which have the inertia of the first.
+    #[must_use]
+    pub fn tuned_for(axes: &[&Self], like: &Gains, distance: &Distance) -> Option<Gains> {
+        let train = &axes.first()?.train;
+        let inertia = train.rotor_inertia + train.load_inertia;
         let fastest = like.speed / (TAU * like.inertia);
         let ratio = like.speed_integral_time * fastest;
         let of = |bandwidth: f64, position: f64| Gains {
@@ -330,7 +376,7 @@ impl Tuning {
             inertia,
             ..like.clone()
         };
-        let keeps = |gains: &Gains| self.stability(gains).is_some_and(|it| it.keeps(distance));
+        let keeps = |gains: &Gains| axes.iter().all(|axis| axis.keeps(gains, distance));
         // The greatest gain of the position loop at a bandwidth, in parts of the fastest.
         let stiffest = |slower: f64| {
             let bandwidth = fastest * slower.exp();
@@ -407,8 +453,7 @@ impl Tuning {
                 damping,
             })
         });
-        let rate = |it: &Mode| it.damping * it.frequency;
-        roots.min_by(|one, other| rate(one).total_cmp(&rate(other)))
+        roots.min_by(|one, other| one.rate().total_cmp(&other.rate()))
     }
 }
 
