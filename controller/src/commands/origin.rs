@@ -2,14 +2,15 @@
 
 use super::calendar::Utc;
 use super::input;
+use crate::machine::Machine;
 use crate::observe::frames::hexadecimal;
-use crate::observe::provenance::Provenance;
+use crate::observe::provenance::{self, Provenance};
 use crate::sweep::quoted;
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader};
 use std::path::Path;
-use std::time::{Duration, SystemTime};
+use std::time::SystemTime;
 use std::{env, fs};
 
 /// Files of a run.
@@ -21,11 +22,15 @@ pub(super) struct Origin {
 
 impl Origin {
     /// Of a run that begins now, with the program's text if that is wanted.
-    pub(super) fn now(machine: &Path, program: &Path, cycle: Duration, with_source: bool) -> Self {
+    pub(super) fn now(file: &Path, machine: &Machine, program: &Path, with_source: bool) -> Self {
         // What is no regular file can be read but once, and is not read here.
         let is_file = program.metadata().is_ok_and(|it| it.is_file());
         let source = (is_file && with_source).then(|| input::read(program).ok());
         let command = env::args().map(|word| quoted(&word));
+        let descriptions = machine.descriptions.iter().map(|file| provenance::Digest {
+            file: file.display().to_string(),
+            sha256: digest(file).unwrap_or_default(),
+        });
         let host = fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
         Self {
             provenance: Provenance {
@@ -33,9 +38,10 @@ impl Origin {
                 date: Utc::of(SystemTime::now()).rfc_3339(),
                 host: host.trim().to_owned(),
                 command: command.collect::<Vec<_>>().join(" "),
-                machine_sha256: digest(machine).unwrap_or_default(),
+                machine_sha256: digest(file).unwrap_or_default(),
+                descriptions: descriptions.collect(),
                 program_sha256: is_file.then(|| digest(program).ok()).flatten(),
-                cycle_s: cycle.as_secs_f64(),
+                cycle_s: machine.cycle.as_secs_f64(),
             },
             source: String::from_utf8_lossy(&source.flatten().unwrap_or_default()).into_owned(),
         }

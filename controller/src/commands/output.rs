@@ -3,7 +3,7 @@
 
 use super::origin::Origin;
 use super::writers::Writers;
-use crate::machine::MachineState;
+use crate::machine::{Machine, MachineState};
 use crate::observe::record::Report;
 use crate::observe::summary::Summary;
 use crate::observe::trace::Sink;
@@ -12,7 +12,6 @@ use std::fs::{self, File, Metadata};
 use std::io::{self, BufWriter, Write};
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 use syncline_gcode::Tables;
 
 /// The option for JSON.
@@ -343,10 +342,10 @@ impl Output {
     }
 
     /// Where the run is from that begins now, if what tells it is wanted.
-    pub(super) fn origin(&self, machine: &Path, program: &Path, cycle: Duration) -> Option<Origin> {
+    pub(super) fn origin(&self, file: &Path, machine: &Machine, program: &Path) -> Option<Origin> {
         let with_source = self.report.is_some();
         let told = with_source || self.json.is_some();
-        told.then(|| Origin::now(machine, program, cycle, with_source))
+        told.then(|| Origin::now(file, machine, program, with_source))
     }
 
     /// Opens the files, of a run from there.

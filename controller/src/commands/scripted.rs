@@ -59,8 +59,7 @@ impl Scripted<'_> {
         for program in events.programs() {
             claims = claims.reads("a program that is loaded", program);
         }
-        let cycle = inputs.machine.cycle;
-        let origin = self.output.origin(self.machine, self.events, cycle);
+        let origin = (self.output).origin(self.machine, &inputs.machine, self.events);
         let mut results = self.output.open(&mut claims, origin)?;
         if results.wants_report() {
             return Err("a report is of one program: name <PROGRAM>, or leave --report out".into());

@@ -75,12 +75,13 @@ impl Args {
         let vary = syncline_strict_toml::read(&self.vary);
         let text = vary.map_err(|why| format!("cannot read {}: {why}", self.vary.display()))?;
         let plan = Plan::new(Vary::parse(&self.vary, &text)?, self.runs, self.seed)?;
-        let manifest = self.manifest(plan.runs(), sha256([text.into_bytes()]))?;
+        let (count, vary_sha256) = (plan.runs(), sha256([text.into_bytes()]));
+        let runs = Runs::new(self.machine.clone(), self.program.clone(), plan)?;
+        let manifest = self.manifest(&runs, count, vary_sha256)?;
         let mut claims = Claims::of_run(&self.machine, &self.program)
             .reads("--vary", &self.vary)
             .keeps_sweep(manifest.files(&self.out));
         let csv = claims.open("--csv", &self.csv)?;
-        let runs = Runs::new(self.machine.clone(), self.program.clone(), plan)?;
         let folder = Folder::make(&self.out, manifest)?;
         Ok(Prepared {
             runs,
@@ -91,12 +92,18 @@ impl Args {
     }
 
     /// What the sweep is of, as its files are now.
-    fn manifest(&self, runs: u64, vary_sha256: String) -> Result<Manifest, SweepError> {
+    fn manifest(&self, of: &Runs, runs: u64, vary_sha256: String) -> Result<Manifest, SweepError> {
+        let descriptions = of.descriptions().iter().map(|file| read(file));
+        let descriptions = descriptions.collect::<Result<Vec<_>, _>>()?;
         Ok(Manifest {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             machine: self.machine.clone(),
             program: self.program.clone(),
             machine_sha256: sha256([read(&self.machine)?]),
+            descriptions_sha256: match descriptions.is_empty() {
+                true => String::new(),
+                false => sha256(descriptions),
+            },
             tables_sha256: sha256(fs::read(Tables::beside(&self.machine))),
             program_sha256: sha256(self.program_texts()?),
             vary_sha256,
@@ -147,7 +154,11 @@ impl Args {
                     bar.inc(1);
                 }
                 // Each run has read the files anew: they may be others by now.
-                folder.check(&self.manifest(manifest.runs, manifest.vary_sha256.clone())?)?;
+                folder.check(&self.manifest(
+                    &runs,
+                    manifest.runs,
+                    manifest.vary_sha256.clone(),
+                )?)?;
                 folder.keep(*part, &table)?;
             }
             Ok(())

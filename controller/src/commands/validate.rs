@@ -166,7 +166,7 @@ impl Args {
             }
             None => Events::default(),
         };
-        let origin = (self.output).origin(&self.machine, self.program(), machine.cycle);
+        let origin = (self.output).origin(&self.machine, &machine, self.program());
         let results = self.output.open(&mut claims, origin)?;
         let commands = self.commands.open(&mut claims)?;
         let logs = self.log.open(&mut claims)?;

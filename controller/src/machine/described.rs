@@ -4,7 +4,13 @@
 
 use super::node::{NodeTable, pair};
 use super::read::assumed_of;
-use std::{fs::File, io, io::Read, path::Path, time::Duration};
+use std::{
+    fs::File,
+    io,
+    io::Read,
+    path::{Path, PathBuf},
+    time::Duration,
+};
 use syncline_canopen::eds::Eds;
 use syncline_canopen::{Address, NodeId};
 use syncline_drives::model::{Assumed, Description, MODELS, Model, Settings};
@@ -15,6 +21,13 @@ use toml::Spanned;
 const MOST_OBJECTS: usize = 1 << 16;
 /// Bytes that a data sheet may have; the largest have some hundred kilobytes.
 const LONGEST: u64 = 1 << 22;
+
+/// What files say of a device.
+pub(super) struct Described {
+    pub(super) assumed: Assumed,
+    /// The description and its data sheet.
+    files: [PathBuf; 2],
+}
 
 /// What is wrong, and what to do.
 type Wrong = (String, String);
@@ -30,12 +43,12 @@ pub(super) fn read(
     folder: &Path,
     table: &mut Table<'_, '_>,
     of_kind: fn(&Model) -> bool,
-) -> Option<(&'static Model, Spanned<Assumed>)> {
+) -> Option<(&'static Model, Spanned<Described>)> {
     let name = table.text(log, "model", "a file", is_file)?;
     let file = folder.join(name.get_ref());
     let wrong = match described(&file) {
-        Ok((model, assumed)) if of_kind(model) => {
-            return Some((model, Spanned::new(name.span(), assumed)));
+        Ok((model, described)) if of_kind(model) => {
+            return Some((model, Spanned::new(name.span(), described)));
         }
         Ok((model, _)) => vec![(
             format!("{} describes a {}", name.get_ref(), kind(model)),
@@ -67,14 +80,14 @@ fn kind(model: &Model) -> &'static str {
 pub(super) fn models(log: &mut Log<'_>, devices: &[&NodeTable]) -> Vec<(&'static Model, Assumed)> {
     let mut models: Vec<(&'static Model, Assumed)> = Vec::new();
     for device in devices {
-        let Some(assumed) = &device.described else {
+        let Some(described) = &device.described else {
             continue;
         };
-        let (model, of) = (device.model, assumed.get_ref());
+        let (model, of) = (device.model, &described.get_ref().assumed);
         match models.iter().find(|(other, _)| other.name == model.name) {
             Some((same, assumed)) if std::ptr::eq(*same, model) && assumed == of => {}
             Some(_) => log.report(
-                assumed.span(),
+                described.span(),
                 format!(
                     "{}: `model`: another file describes another \"{}\"",
                     device.title(),
@@ -88,17 +101,28 @@ pub(super) fn models(log: &mut Log<'_>, devices: &[&NodeTable]) -> Vec<(&'static
     models
 }
 
+/// The files that describe them, each once.
+pub(super) fn files(devices: &[&NodeTable]) -> Vec<PathBuf> {
+    let described = devices.iter().filter_map(|it| it.described.as_ref());
+    let mut files: Vec<PathBuf> = Vec::new();
+    for file in described.flat_map(|it| &it.get_ref().files) {
+        if !files.contains(file) {
+            files.push(file.clone());
+        }
+    }
+    files
+}
+
 /// Reads a description.
-fn described(file: &Path) -> Result<(&'static Model, Assumed), Vec<Wrong>> {
+fn described(file: &Path) -> Result<(&'static Model, Described), Vec<Wrong>> {
     let source = syncline_strict_toml::read(file);
     let source = source.map_err(|error| vec![unreadable(file, &error)])?;
     let mut log = Log::new(&source);
     let document = syncline_strict_toml::parse(&mut log, &source);
     let read = log.is_empty().then(|| {
-        let folder = file.parent().unwrap_or(Path::new(""));
         model(
             &mut log,
-            folder,
+            file,
             Table::new("description", 0..0, document.get_ref()),
         )
     });
@@ -126,9 +150,9 @@ fn unreadable(file: &Path, error: &io::Error) -> Wrong {
 
 fn model(
     log: &mut Log<'_>,
-    folder: &Path,
+    file: &Path,
     mut table: Table<'_, '_>,
-) -> Option<(&'static Model, Assumed)> {
+) -> Option<(&'static Model, Described)> {
     let free = "a text that is not empty and no built-in model's name";
     let name = table.text(log, "name", free, |name| {
         !name.trim().is_empty() && Model::by_name(name).is_none()
@@ -146,7 +170,9 @@ fn model(
         table.finish(log);
     }
     let (name, generic, sheet, assumed) = (name?, generic?, sheet?, assumed?);
-    let eds = match data_sheet(&folder.join(sheet.get_ref())) {
+    let folder = file.parent().unwrap_or(Path::new(""));
+    let files = [file.to_owned(), folder.join(sheet.get_ref())];
+    let eds = match data_sheet(&files[1]) {
         Ok(eds) => eds,
         Err((problem, help)) => {
             log.report(sheet.span(), format!("{title}: `eds`: {problem}"), help);
@@ -168,7 +194,7 @@ fn model(
         let problem = format!("{title}: `eds`: {lack}");
         log.report(sheet.span(), problem, lack.help);
     }
-    Some((model, assumed))
+    Some((model, Described { assumed, files }))
 }
 
 /// What further objects of its R_PDO are sent.

@@ -106,6 +106,8 @@ pub struct Machine {
     pub user_codes: Vec<UserCode>,
     /// What the file says: each value by its table and its key, a number or none.
     pub values: Vec<(String, String, Option<f64>)>,
+    /// The files that describe its devices, in the order of the file, each once: a description, then its data sheet.
+    pub descriptions: Vec<PathBuf>,
     assumptions: Vec<(&'static Model, Assumed)>,
 }
 
@@ -315,7 +317,7 @@ pub enum MachineError {
     Invalid(#[from] Invalid),
     /// A value cannot be set in it.
     #[error("--set {0}")]
-    Set(#[from] SetError),
+    Set(SetError),
 }
 
 impl Axis {
@@ -412,7 +414,8 @@ impl Machine {
             return Err(MachineError::NotToml { file: file.into() });
         }
         for setting in settings {
-            source = syncline_strict_toml::set(&source, setting)?;
+            let set = syncline_strict_toml::set(&source, setting);
+            source = set.map_err(MachineError::Set)?;
         }
         Ok(Self::parse(file, &source)?)
     }

@@ -1,11 +1,11 @@
 //! What stands in the tables of all devices: a name, a place on a bus, a model, objects to write.
 
-use super::described;
+use super::described::{self, Described};
 use super::read::{BusTable, name, unknown};
 use super::{Drive, Encoder, IoNode, SpindleDrive};
 use std::{collections::BTreeMap, ops::Range, path::Path, time::Duration};
 use syncline_canopen::{Address, NodeId};
-use syncline_drives::model::{Assumed, Data, MODELS, Model, Scaling, Write};
+use syncline_drives::model::{Data, MODELS, Model, Scaling, Write};
 use syncline_strict_toml::{Log, Table, integer};
 use toml::{Spanned, de::DeValue};
 
@@ -103,7 +103,7 @@ pub(super) struct NodeTable {
     pub(super) node: Spanned<NodeId>,
     pub(super) model: &'static Model,
     /// What a file says of the model, if one describes it, and where it is named.
-    pub(super) described: Option<Spanned<Assumed>>,
+    pub(super) described: Option<Spanned<Described>>,
     pub(super) objects: Vec<Write>,
 }
 

@@ -182,6 +182,7 @@ impl Tables {
         let devices = drives.chain(encoders).chain(io_nodes);
         let devices: Vec<_> = devices.chain(turning.iter().map(|it| &it.node)).collect();
         let described = described::models(log, &devices);
+        let descriptions = described::files(&devices);
         let bus_of = node::places(log, &devices, &self.buses, &self.cycle, controller.node);
 
         self.assumptions.extend(described);
@@ -300,6 +301,7 @@ impl Tables {
             analog_outputs,
             user_codes: UserCodeTable::join(log, self.user_codes),
             values: Vec::new(),
+            descriptions,
             assumptions: self.assumptions,
         };
         fits::settle_motions(log, &mut machine, &motions, &named);

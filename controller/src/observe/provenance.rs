@@ -15,9 +15,21 @@ pub struct Provenance {
     pub command: String,
     /// SHA-256 of the machine file.
     pub machine_sha256: String,
+    /// What describes its devices: descriptions and their data sheets.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub descriptions: Vec<Digest>,
     /// The same of the program, where it is a file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub program_sha256: Option<String>,
     /// The cycle, s.
     pub cycle_s: f64,
+}
+
+/// A file as it was.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Digest {
+    /// As it is found from the machine file.
+    pub file: String,
+    /// Its SHA-256.
+    pub sha256: String,
 }

@@ -277,6 +277,10 @@ pub(super) fn about(summary: &Summary) -> String {
         facts.push(("host", it.host.clone()));
         facts.push(("cycle", format!("{} ms", number(1000.0 * it.cycle_s))));
         facts.push(("machine file, SHA-256", it.machine_sha256.clone()));
+        for of in &it.descriptions {
+            let told = format!("{} of {}", of.sha256, of.file);
+            facts.push(("description, SHA-256", told));
+        }
         let program = it.program_sha256.clone();
         facts.extend(program.map(|it| ("program, SHA-256", it)));
     }

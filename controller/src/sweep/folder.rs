@@ -70,6 +70,9 @@ pub struct Manifest {
     pub program: PathBuf,
     /// SHA-256 of the machine file.
     pub machine_sha256: String,
+    /// Of the files that describe its devices; empty where there are none.
+    #[serde(default)]
+    pub descriptions_sha256: String,
     /// Of the tables beside it; of nothing where there are none.
     pub tables_sha256: String,
     /// Of the program and of all that can be called beside it.
@@ -90,6 +93,10 @@ impl Manifest {
         let differs = [
             (self.version != other.version, "version of this command"),
             (self.machine_sha256 != other.machine_sha256, "machine file"),
+            (
+                self.descriptions_sha256 != other.descriptions_sha256,
+                "description of a device",
+            ),
             (self.tables_sha256 != other.tables_sha256, "file of tables"),
             (self.program_sha256 != other.program_sha256, "program"),
             (
@@ -347,6 +354,7 @@ mod tests {
             machine: "machine.toml".into(),
             program: "part.ngc".into(),
             machine_sha256: sha256([b"machine".to_vec()]),
+            descriptions_sha256: String::new(),
             tables_sha256: sha256([]),
             program_sha256: sha256([b"program".to_vec()]),
             vary_sha256: sha256([b"vary".to_vec()]),

@@ -96,6 +96,7 @@ pub struct Runs {
     program: PathBuf,
     plan: Plan,
     numbers: Vec<(String, Number)>,
+    descriptions: Vec<PathBuf>,
 }
 
 impl Runs {
@@ -104,10 +105,14 @@ impl Runs {
     /// # Errors
     /// The machine file is wrong; also with the first value of one of the keys, the others as the file has them.
     pub fn new(machine: PathBuf, program: PathBuf, plan: Plan) -> Result<Self, MachineError> {
+        let mut descriptions = Vec::new();
         for sample in plan.samples() {
-            Machine::load_with(&machine, &[sample])?;
+            descriptions.extend(Machine::load_with(&machine, &[sample])?.descriptions);
         }
         let named = Machine::load(&machine)?;
+        descriptions.extend_from_slice(&named.descriptions);
+        descriptions.sort();
+        descriptions.dedup();
         let mut numbers: Vec<_> = OF_RUN
             .map(|(number, of)| (number.to_owned(), Number::Run(of)))
             .into();
@@ -135,7 +140,14 @@ impl Runs {
             program,
             plan,
             numbers,
+            descriptions,
         })
+    }
+
+    /// The files that describe the machine's devices, also with the first value of one of the keys.
+    #[must_use]
+    pub fn descriptions(&self) -> &[PathBuf] {
+        &self.descriptions
     }
 
     /// Which values each run has.

@@ -232,6 +232,71 @@ fn an_interrupted_sweep_goes_on() {
     assert!(code == 2 && errors.contains("another program"), "{errors}");
 }
 
+/// What describes the drives is part of the machine: a sweep does not go on with another description or data sheet, and a
+/// result says which it had.
+#[test]
+fn descriptions_are_part_of_the_machine() {
+    let folder = Folder::new();
+    let of_example = |name: &str| fs::read_to_string(root().join("examples/described").join(name));
+    for name in ["machine.toml", "servo.toml", "servo.eds"] {
+        let _ = folder.file(name, &of_example(name).unwrap());
+    }
+    let (machine, program) = (
+        folder.path("machine.toml"),
+        folder.file("part.ngc", PROGRAM),
+    );
+    let vary = folder.file(
+        "vary.toml",
+        "method = \"grid\"\n[[vary]]\nkey = \"axis.X.max_jerk\"\nvalues = [20_000.0, 40_000.0]\n",
+    );
+    let sweep = || {
+        let mut command = syncline();
+        command.arg("sweep").args([&machine, &program]);
+        command.arg("--vary").arg(&vary);
+        let output = command
+            .arg("--out")
+            .arg(folder.path("parts"))
+            .output()
+            .unwrap();
+        let (code, _, errors) = ended(&output);
+        (code, errors.to_owned())
+    };
+    let provenance = || {
+        let mut command = syncline();
+        let command = command.args(["validate", "--json", "-"]);
+        let output = command.args([&machine, &program]).output().unwrap();
+        let (_, json, errors) = ended(&output);
+        let json: serde_json::Value = serde_json::from_str(json).expect(errors);
+        json["provenance"]["descriptions"].clone()
+    };
+    assert_eq!(sweep(), (0, String::new()));
+    assert_eq!(sweep().0, 0);
+    for name in ["servo.toml", "servo.eds"] {
+        let before = provenance();
+        let hash = |of: &serde_json::Value| {
+            let all = of.as_array().unwrap().iter();
+            let mut all = all.filter(|it| it["file"].as_str().unwrap().ends_with(name));
+            all.next().unwrap()["sha256"].as_str().unwrap().to_owned()
+        };
+        let sum = Command::new("sha256sum").arg(folder.path(name)).output();
+        let (_, sum, _) = ended(sum.as_ref().unwrap());
+        assert_eq!(Some(&hash(&before)[..]), sum.split(' ').next(), "{before}");
+        let comment = if name == "servo.eds" { ";" } else { "#" };
+        let text = of_example(name).unwrap();
+        let _ = folder.file(name, &format!("{comment} changed\n{text}"));
+        let (code, errors) = sweep();
+        assert!(
+            code == 2 && errors.contains("another description of a device"),
+            "{name}: {errors}"
+        );
+        let after = provenance();
+        assert_eq!(after.as_array().unwrap().len(), 2, "{after}");
+        assert_ne!(hash(&before), hash(&after));
+        let _ = folder.file(name, &text);
+        assert_eq!(sweep().0, 0);
+    }
+}
+
 /// Runs of files that are changed while the sweep is made are not kept.
 #[test]
 fn a_program_that_changes_meanwhile_is_told() {
