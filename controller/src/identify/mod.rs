@@ -471,12 +471,16 @@ fn row(f: &mut fmt::Formatter<'_>, name: &str, figure: &Figure, unit: &str) -> f
     let Figure { value, uncertainty } = figure;
     let (value, wide) = (*value, figure.part());
     let mark = if wide > UNCERTAIN { "  uncertain" } else { "" };
+    // Nothing is no part of 0.
+    let part = match wide.is_finite() {
+        true => format!("{:>9.2} %", 100.0 * wide),
+        false => format!("{:11}", ""),
+    };
     writeln!(
         f,
-        "  {name:<22} {:>11} ± {:<10} {unit:<10} {:>9.2} %{mark}",
+        "  {name:<22} {:>11} ± {:<10} {unit:<10} {part}{mark}",
         number(value),
         number(*uncertainty),
-        100.0 * wide
     )
 }
 
@@ -490,3 +494,33 @@ fn number(value: f64) -> String {
 
 /// From this part of its value on, an uncertainty is told as one.
 const UNCERTAIN: f64 = 0.1;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An uncertainty is no part of 0.
+    #[test]
+    fn a_figure_of_nothing_is_told_without_a_part() {
+        struct Row(Figure);
+        impl fmt::Display for Row {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                row(f, "torque to hold it", &self.0, "N·m")
+            }
+        }
+        let told = |value| {
+            let uncertainty = 0.02;
+            Row(Figure { value, uncertainty }).to_string()
+        };
+        assert!(
+            told(0.5).contains("± 0.0200     N·m             4.00 %"),
+            "{}",
+            told(0.5)
+        );
+        let of_nothing = told(0.0);
+        assert!(
+            !of_nothing.contains('%') && of_nothing.contains("uncertain"),
+            "{of_nothing}"
+        );
+    }
+}

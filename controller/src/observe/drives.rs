@@ -13,7 +13,8 @@ use super::summary::{DriveSummary, GantrySummary, StructureSummary};
 use crate::machine::{Axis, Drive, FeedAxis, Machine, Position, Simulation, Validation};
 use syncline_drives::model::Increments;
 use syncline_drives::twin::Observation;
-use syncline_drives::twin::servo::power_stage::DcBus;
+use syncline_drives::twin::servo::motor::Motor;
+use syncline_drives::twin::servo::power_stage::{DcBus, lasts};
 
 /// What is watched of all drives, gantries and the structure.
 #[derive(Debug)]
@@ -34,6 +35,10 @@ struct DriveWatch {
     /// N·m.
     peak: f64,
     continuous: f64,
+    /// What its root mean square may be, N·m.
+    rms_limit: f64,
+    /// Where the file says what is turned.
+    motor: Option<Motor>,
     /// rev/s.
     most_speed: Option<f64>,
     tolerance: Validation,
@@ -51,6 +56,8 @@ struct DriveWatch {
 struct Hanging {
     /// Of a revolution, mm or degrees.
     travel: f64,
+    /// `mm` or `°`.
+    unit: &'static str,
     /// Where its motor was when its power stage was seen on last, revolutions from its encoder's zero.
     held: Option<f64>,
     /// How far it has moved from there until it hung, mm or degrees.
@@ -181,19 +188,25 @@ impl DriveWatch {
         let simulation = machine.axes[drive.axis].simulation.as_ref();
         let own = simulation.and_then(Simulation::driven);
         let hanging = own.as_ref().is_some_and(FeedAxis::has_weight);
-        let motor = own.as_ref().map(FeedAxis::motor).unwrap_or_default();
+        let own = own.as_ref().map(FeedAxis::motor);
+        let motor = own.unwrap_or_default();
+        let forever = own.map_or(f64::INFINITY, |_| 1.0);
+        let tolerance = machine.validation;
         Self {
             name: drive.name.clone(),
             peak: motor.peak_torque,
             continuous: motor.continuous_torque,
-            most_speed: own.map(|it| it.motor().no_load_speed(DcBus::default().nominal)),
-            tolerance: machine.validation,
+            rms_limit: tolerance.rms_torque.unwrap_or(forever) * motor.continuous_torque,
+            motor: own,
+            most_speed: own.map(|it| it.no_load_speed(DcBus::default().nominal)),
+            tolerance,
             torque: Greatest::default(),
             speed: Greatest::default(),
             squares: 0.0,
             watches: Default::default(),
             hanging: hanging.then(|| Hanging {
                 travel: drive.scaling.travel_per_revolution(),
+                unit: machine.axes[drive.axis].units()[0],
                 held: None,
                 drop: None,
             }),
@@ -236,7 +249,7 @@ impl DriveWatch {
         for watch in &mut self.watches {
             watch.close(violations);
         }
-        let limit = self.tolerance.rms_torque * self.continuous;
+        let limit = self.rms_limit;
         let value = root_mean(self.squares, rows);
         if value > limit {
             violations.push(Violation {
@@ -257,12 +270,17 @@ impl DriveWatch {
             max_torque: self.torque.value,
             max_torque_at: self.torque.at,
             peak_torque: self.peak,
-            torque_reserve: 1.0 - self.torque.value / self.peak,
+            // Ripple and cogging come on top of what the current makes.
+            torque_reserve: (1.0 - self.torque.value / self.peak).max(0.0),
             rms_torque: root_mean(self.squares, rows),
             continuous_torque: self.continuous,
+            limited_after_s: self
+                .motor
+                .and_then(|it| lasts(&it, root_mean(self.squares, rows))),
             max_speed_rpm: 60.0 * self.speed.value,
             speed_reserve: self.most_speed.map(|most| 1.0 - self.speed.value / most),
             drop: self.hanging.as_ref().and_then(|it| it.drop),
+            drop_unit: self.hanging.as_ref().map(|it| it.unit),
         }
     }
 }

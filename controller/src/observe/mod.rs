@@ -52,7 +52,7 @@ pub mod trace;
 mod trail;
 pub mod travel;
 
-use crate::control::fault::Fault;
+use crate::control::fault::{AxisCause, Fault};
 use crate::control::layout::Layout;
 use crate::control::{Controller, End, Event, LostReference, Row};
 use crate::machine::{Axis, COORDINATES, Machine, Position, Validation};
@@ -416,6 +416,13 @@ impl Observers {
         Stopped {
             line: self.line,
             axis: blamed.map(Axis::name),
+            sample_refused: matches!(
+                end,
+                Some(End::Fault(Fault::Axis(
+                    _,
+                    AxisCause::SetpointGuard { sampled: true, .. }
+                )))
+            ),
             position: position.collect(),
             left_mm: left.map(|[length, _]| length),
             left_deg: left.map_or(0.0, |[_, turned]| turned),

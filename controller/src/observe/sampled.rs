@@ -118,10 +118,14 @@ impl SampledMotion {
         }
     }
 
-    /// With what simulated drives make of it, or why that is not known.
+    /// With what simulated drives make of it, or why that is not known. Where the controller refuses samples that
+    /// do not decide whether a limit is kept, neither does that.
     #[must_use]
     pub fn followed(self, response: Result<Summary, String>) -> Self {
-        let follows = response.as_ref().ok().map(|it| it.verdict == "pass");
+        let undecided = self.verdict == "undecidable";
+        let told = response.as_ref().ok();
+        let told = told.filter(|it| !(undecided && it.refused_a_sample_alone()));
+        let follows = told.map(|it| it.verdict == "pass");
         let verdict = match (self.verdict, follows) {
             ("fail", _) | (_, Some(false)) => "fail",
             ("pass", Some(true)) => "pass",

@@ -102,6 +102,9 @@ pub struct Stopped {
     /// The axis whose fault it was, or a drive of it had.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub axis: Option<&'static str>,
+    /// A setpoint of samples that others have planned was beyond a limit, and was not sent.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub sample_refused: bool,
     /// The setpoint of each axis, machine coordinates, mm or degrees.
     pub position: BTreeMap<&'static str, f64>,
     /// What is left of the program, as F counts it, mm; nothing where it was not read before.
@@ -110,6 +113,15 @@ pub struct Stopped {
     /// What is left where A, B and C turn alone, degrees.
     #[serde(skip_serializing_if = "is_zero")]
     pub left_deg: f64,
+}
+
+impl Summary {
+    /// Whether all that is wrong is that the controller refused a sample that others have planned.
+    #[must_use]
+    pub fn refused_a_sample_alone(&self) -> bool {
+        let refused = self.stopped.as_ref().is_some_and(|it| it.sample_refused);
+        refused && (self.violations.iter()).all(|it| it.what.starts_with("fault: "))
+    }
 }
 
 /// Why an axis did not follow: what alone lets it.
@@ -226,14 +238,16 @@ impl PathSummary {
     /// The contour error and its parts, as a person reads it.
     #[must_use]
     pub fn contour_error(&self) -> String {
+        // What is none has no place.
+        let part = |value: f64, at: Place| match value {
+            0.0 => "none".to_owned(),
+            _ => format!("{value:.4} mm in {at}"),
+        };
         format!(
-            "max {:.4} mm in {}; of rounding {:.4} mm in {}, of the drives {:.4} mm in {}",
-            self.max_contour_error_mm,
-            self.max_contour_error_at,
-            self.max_deviation_mm,
-            self.max_deviation_at,
-            self.max_drive_deviation_mm,
-            self.max_drive_deviation_at
+            "max {}; of rounding {}, of the drives {}",
+            part(self.max_contour_error_mm, self.max_contour_error_at),
+            part(self.max_deviation_mm, self.max_deviation_at),
+            part(self.max_drive_deviation_mm, self.max_drive_deviation_at)
         )
     }
 }
@@ -313,6 +327,10 @@ pub struct DriveSummary {
     pub rms_torque: f64,
     /// What the motor stands forever, N·m.
     pub continuous_torque: f64,
+    /// After which time its torque is limited to that, from cold, where the program runs over and over, s; nothing where it
+    /// never is, or where the motor is not described.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub limited_after_s: Option<f64>,
     /// Greatest speed, 1/min.
     pub max_speed_rpm: f64,
     /// What part was left of the speed at which its voltage is used up, if its power stage is simulated.
@@ -321,6 +339,9 @@ pub struct DriveSummary {
     /// How far its axis fell as it was switched off in the end, mm or degrees; in a validation, of an axis with a weight.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub drop: Option<f64>,
+    /// Of that: `mm`, or `°`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub drop_unit: Option<&'static str>,
 }
 
 /// How the sides of a gantry agreed, as they truly were.
@@ -536,20 +557,26 @@ impl fmt::Display for DriveSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "torque max {:.2} of {:.2} N·m in {}, {:.0} % in reserve; rms {:.2} of {:.2} N·m; speed max {:.0} 1/min",
+            "torque max {:.2} of {:.2} N·m in {}, {:.0} % in reserve; rms {:.2} of {:.2} N·m",
             self.max_torque,
             self.peak_torque,
             self.max_torque_at,
             100.0 * self.torque_reserve,
             self.rms_torque,
             self.continuous_torque,
-            self.max_speed_rpm,
         )?;
+        if let Some(after) = self.limited_after_s {
+            write!(f, ", run over and over it is limited after {after:.0} s")?;
+        }
+        write!(f, "; speed max {:.0} 1/min", self.max_speed_rpm)?;
         if let Some(reserve) = self.speed_reserve {
             write!(f, ", {:.0} % in reserve", 100.0 * reserve)?;
         }
         match self.drop {
-            Some(drop) => write!(f, "; falls by {drop:.2} as it is switched off"),
+            Some(drop) => {
+                let unit = self.drop_unit.unwrap_or_default();
+                write!(f, "; falls by {drop:.2} {unit} as it is switched off")
+            }
             None => Ok(()),
         }
     }
@@ -647,5 +674,24 @@ impl AxisSummary {
             rms_following_error_mm: rms_following,
             positioning: (axis.positioning.as_ref()).and_then(Positioning::summary),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A deviation that is none is at no place.
+    #[test]
+    fn what_is_none_has_no_place() {
+        let path = PathSummary {
+            max_contour_error_mm: 0.0012,
+            max_contour_error_at: Place { time: 0.5, line: 3 },
+            ..PathSummary::default()
+        };
+        assert_eq!(
+            path.contour_error(),
+            "max 0.0012 mm in line 3 at 0.500 s; of rounding none, of the drives none"
+        );
     }
 }

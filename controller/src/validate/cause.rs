@@ -112,8 +112,11 @@ impl Again<'_> {
     }
 }
 
-/// When a run first showed that an axis does not follow, s, and which one.
+/// When a run first showed that an axis does not follow, s, and which one. A sample that is refused says nothing of the axis.
 fn failed<'a>(machine: &'a Machine, summary: &Summary) -> Option<(f64, &'a Axis)> {
+    if summary.refused_a_sample_alone() {
+        return None;
+    }
     let rounding = summary.path.max_deviation_mm > machine.validation.contour_error;
     let is_shown = |it: &&Violation| match it.what.as_str() {
         "following_error" | "skew" => true,

@@ -449,6 +449,38 @@ fn drives_that_cannot_follow_fail_it() {
     );
 }
 
+/// A motion that keeps its limits, written with fewer and fewer decimals: what they do not decide stays undecidable, also
+/// where the controller refuses such samples, and the machine is not blamed for them. What was wrong beside that is.
+#[test]
+fn digits_that_do_not_decide_are_no_fault_of_the_machine() {
+    let side = Side::new();
+    let rows: Vec<f64> = (0..=1000)
+        .map(|row| 60.0 * smooth(f64::from(row) / 1000.0))
+        .collect();
+    let mut refused = 0;
+    for decimals in [12, 5, 4, 3, 2] {
+        let mut text = "t_s,X\n".to_owned();
+        for (row, x) in rows.iter().enumerate() {
+            writeln!(text, "{:.3},{x:.decimals$}", row as f64 * 0.001).unwrap();
+        }
+        let file = side.folder.file("rounded.csv", &text);
+        let (code, json, errors) = side.judge(&file, &[]);
+        let expected = match decimals {
+            12 => (0, "pass"),
+            _ => (1, "undecidable"),
+        };
+        let found = (code, json["verdict"].as_str().unwrap());
+        assert_eq!(found, expected, "{decimals}: {errors} {json:#}");
+        let response = &json["response"];
+        assert_eq!(response["cause"], Value::Null, "{decimals}: {response:#}");
+        refused += usize::from(response["verdict"] == "fail");
+        let off = ["--set", "validation.following_error=1e-9"];
+        let (_, json, _) = side.judge(&file, &off);
+        assert_eq!(json["verdict"], "fail", "{decimals}: {json:#}");
+    }
+    assert!(refused > 0);
+}
+
 /// Samples beyond a limit are not sent: the machine stops, and says whose fault it is. Where they begin beyond a soft limit
 /// it cannot go there.
 #[test]

@@ -237,14 +237,14 @@ fn values_and_tables_can_be_given_for_a_run() {
 
     for (option, value, why) in [
         ("--set", "axis.Q.max_jerk=1", "there is no axis \"Q\""),
-        ("--set", "axis.X.max_jerk", "no `KEY=VALUE`"),
+        ("--set", "axis.X.max_jerk", "no `KEY=VALUE` as"),
         ("--set", "axis.X.max_jerk=-1", "`max_jerk` is -1"),
         ("--set", "axis.X.max_jrk=1", "unknown key `max_jrk`"),
         ("--tables", "none.toml", "cannot read none.toml"),
     ] {
         let (code, _, errors) = hash("plain.toml", &[option, value]);
         assert!(
-            code == 2 && errors.contains(why),
+            code == 2 && errors.matches(why).count() == 1,
             "{value}: {code} {errors}"
         );
     }
@@ -287,14 +287,14 @@ fn a_gantry_tells_of_its_sides() {
     assert_eq!(first_violation(&judged), "skew", "{judged:#}");
 }
 
-/// A speed loop whose gain is raised beyond its gain margin swings: it is said to, and only then.
+/// A speed loop whose gain is raised beyond its gain margin swings: it is said to, and fails, and only then, though no
+/// margin is asked for.
 #[test]
-fn loops_that_swing_are_said_to() {
-    let margins = "[validation]\ngain_margin = 0.1\n";
+fn loops_that_swing_fail() {
     let gain = |gain: f64| {
         let name = "name = \"front-back\"";
         let entry = format!("{name}\nsdo = [[\"3012:1\", {}]]", gain.round());
-        validated(margins, &[(name, &entry)], "G1 X1 F600\nM2\n")
+        validated("", &[(name, &entry)], "G1 X1 F600\nM2\n")
     };
     let loops = |json: &Value| json["loops"][1].clone();
     let margin = |json: &Value| number(&loops(json), "/speed/gain");
@@ -304,9 +304,15 @@ fn loops_that_swing_are_said_to() {
     let lost = margin(&one) - margin(&gain(400.0));
     assert!((lost - 20.0 * 2.0_f64.log10()).abs() < 0.05, "{lost}");
     let least = 200.0 * 10.0_f64.powf(margin(&one) / 20.0);
-    assert_eq!(loops(&gain(0.95 * least))["stable"], true);
+    let calm = gain(0.95 * least);
+    assert_eq!(loops(&calm)["stable"], true);
+    assert!(
+        !calm["violations"].to_string().contains("unstable"),
+        "{calm:#}"
+    );
     let swinging = gain(1.05 * least);
     assert_eq!(loops(&swinging)["stable"], false);
+    assert_eq!(swinging["verdict"], "fail", "{swinging:#}");
     let violations = swinging["violations"].as_array().unwrap();
     let told = violations.iter().map(|it| it["what"].as_str().unwrap());
     assert!(
@@ -314,4 +320,42 @@ fn loops_that_swing_are_said_to() {
             .any(|it| it == "unstable loop of drive front-back"),
         "{swinging:#}"
     );
+}
+
+/// What a motor cannot do over and over fails, with when it would be limited; a short stroke that it does after a rest may be
+/// allowed. Nothing is said of a motor that stands it, nor of one of which the file says nothing.
+#[test]
+fn what_is_too_much_for_ever_fails() {
+    let strokes = "G61\n".to_owned() + &"G0 Y40\nG0 Y-40\n".repeat(4) + "M2\n";
+    let with = |more: &str, simulation: &str| {
+        let limits = "soft_limits = [-200.0, 200.0]\nfollowing_error_limit = 1.0\n";
+        let axis = format!("{limits}{simulation}");
+        let json = validated(more, &[(limits, &axis)], &strokes);
+        let told = json["violations"].as_array().unwrap().iter();
+        let told = told.map(|it| it["what"].as_str().unwrap().to_owned());
+        let told: Vec<_> = told.filter(|it| it.starts_with("rms_torque")).collect();
+        let of = |key| number(&json, &format!("/drives/1/{key}"));
+        let load = of("rms_torque") / of("continuous_torque");
+        let after = json["drives"][1]["limited_after_s"].as_f64();
+        ((load, after), told, json["verdict"].clone())
+    };
+    let weak = "[axis.simulation]\nmotor = \"generic-0.4\"\nload = 60.0\nfriction = 180.0\n";
+    let ((load, after), told, verdict) = with("", weak);
+    assert!(load > 1.0 && load < 1.5, "{load}");
+    // From cold: the motor's 15 s, sooner than the drive's 4 s with half as much again.
+    let expected = -15.0 * (1.0 - 1.0 / (load * load)).ln();
+    assert!(
+        after.is_some_and(|it| (it - expected).abs() < 1e-6),
+        "{after:?} {expected}"
+    );
+    let expected = vec!["rms_torque of drive front-back".to_owned()];
+    assert_eq!((told, verdict), (expected, "fail".into()));
+    let (_, told, verdict) = with("[validation]\nrms_torque = 2.0\n", weak);
+    assert_eq!((told, verdict), (vec![], "pass".into()));
+    let strong = weak.replace("0.4", "3");
+    let ((load, after), told, verdict) = with("", &strong);
+    assert!(load < 1.0 && after.is_none(), "{load} {after:?}");
+    assert_eq!((told, verdict), (vec![], "pass".into()));
+    let (_, told, verdict) = with("", "");
+    assert_eq!((told, verdict), (vec![], "pass".into()));
 }

@@ -243,7 +243,7 @@ fn a_validation_tells_what_it_drops_in_the_end() {
         let drop = drops[Z].unwrap();
         let held = drop_of(SHOWN, drive, Way::SwitchOff);
         assert!((drop - held).abs() < AT_REST, "{drive}: {drop}, {held}");
-        let line = format!("falls by {drop:.2} as it is switched off");
+        let line = format!("falls by {drop:.2} mm as it is switched off");
         assert!(told.contains(&line), "{line}: {told}");
     }
 }

@@ -107,6 +107,14 @@ impl Overload {
         self.level
     }
 
+    /// After which time a current whose square is this one's on average limits it, from cold, s; `None` where it stands that
+    /// forever. Of one that varies in times that are short beside the time constant.
+    #[must_use]
+    pub fn lasts(&self, current: f64) -> Option<f64> {
+        let load = current / self.continuous;
+        (load > 1.0).then(|| -self.time_constant * libm::log(1.0 - 1.0 / (load * load)))
+    }
+
     /// Most current that it allows now, A, out of a peak one.
     #[must_use]
     pub fn limit(&self, peak: f64) -> f64 {
@@ -151,7 +159,7 @@ impl PowerStage {
     /// A power stage that fits the motor, its supply charged.
     #[must_use]
     pub fn new(motor: Motor, bus: DcBus) -> Self {
-        let continuous = motor.continuous_torque / motor.torque_constant;
+        let [of_motor, of_drive] = overloads(&motor);
         Self {
             voltage: bus.nominal,
             has_mains: true,
@@ -159,9 +167,8 @@ impl PowerStage {
             braked: 0.0,
             current: 0.0,
             applied: 0.0,
-            of_motor: Overload::new(continuous, motor.thermal_time),
-            // It is made for the motor's peak for a few seconds.
-            of_drive: Overload::new(Self::CONTINUOUS_SHARE * continuous, 4.0),
+            of_motor,
+            of_drive,
             is_limited: false,
             h: 0.0,
             fades: 0.0,
@@ -374,6 +381,27 @@ impl Winding {
     }
 }
 
+/// I²t of a motor and of the drive that fits it, cold.
+fn overloads(motor: &Motor) -> [Overload; 2] {
+    let continuous = motor.continuous_torque / motor.torque_constant;
+    [
+        Overload::new(continuous, motor.thermal_time),
+        // It is made for the motor's peak for a few seconds.
+        Overload::new(PowerStage::CONTINUOUS_SHARE * continuous, 4.0),
+    ]
+}
+
+/// After which time a torque with this root mean square, N·m, limits a motor or the drive that fits it, as [`Overload::lasts`]
+/// has it, s.
+#[must_use]
+pub fn lasts(motor: &Motor, torque: f64) -> Option<f64> {
+    let current = torque / motor.torque_constant;
+    let times = overloads(motor).into_iter();
+    times
+        .filter_map(|it| it.lasts(current))
+        .min_by(f64::total_cmp)
+}
+
 /// A sine of the shaft's angle with so many periods in a revolution.
 fn wave(position: f64, periods: u32) -> f64 {
     let phase = position * f64::from(periods);
@@ -512,7 +540,8 @@ mod tests {
     fn overload_limits_after_the_time_of_its_closed_form() {
         for factor in [1.5, 2.0, 3.0] {
             let mut overload = Overload::new(2.0, 30.0);
-            let dt = 1e-3;
+            let (dt, lasts) = (1e-3, overload.lasts(2.0 * factor).unwrap());
+            assert_eq!(overload.lasts(2.0), None);
             let until = (1..).find(|_| {
                 overload.heat(2.0 * factor, dt);
                 overload.limit(6.0) < 6.0
@@ -521,6 +550,7 @@ mod tests {
             let expected = -30.0 * libm::log(1.0 - 1.0 / (factor * factor));
             let found = f64::from(until.unwrap()) * dt;
             assert!((found / expected - 1.0).abs() < 1e-3, "{found} {expected}");
+            assert!((lasts / expected - 1.0).abs() < 1e-9, "{lasts} {expected}");
             overload.heat(2.0, dt);
             assert_eq!(overload.limit(6.0), 2.0);
             (0..2_000).for_each(|_| overload.heat(0.0, dt));
