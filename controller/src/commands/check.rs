@@ -5,7 +5,7 @@ use super::{Exit, report};
 use crate::budget::MachineBudget;
 use crate::control::Layout;
 use crate::machine::Machine;
-use crate::program::{CappedFeeds, Extent, Programs};
+use crate::program::{CappedFeeds, CutArcs, Extent, Programs};
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use syncline_gcode::Tables;
@@ -72,6 +72,18 @@ impl Args {
                     "feed: {moves} moves ask for more than the axes can, and are as fast as these can; line {line} \
                      has {:.0} % of its feed",
                     part * 100.0
+                );
+            }
+            let CutArcs {
+                arcs,
+                line,
+                off,
+                allowed,
+            } = extent.cut;
+            if arcs > 0 {
+                println!(
+                    "shaper: {arcs} arcs are left by more than their mode allows; line {line} by {off:.4} mm of {allowed} mm: \
+                     lower F there, by the square root of that, or allow more by G64 P"
                 );
             }
             let (deviation, line) = extent.arc_deviation;

@@ -20,6 +20,7 @@ mod mistakes;
 mod moves;
 mod reading;
 mod setting;
+mod shaped;
 mod threads;
 mod timetable;
 
@@ -31,6 +32,7 @@ pub use mistakes::{Mistake, Mistakes};
 pub use moves::{ModalState, Moves, ProgramMove, Upcoming};
 pub use reading::Reading;
 pub use setting::Setting;
+pub use shaped::CutArcs;
 pub use threads::NoThread;
 pub use timetable::Timetable;
 
@@ -41,7 +43,8 @@ use crate::machine::{
 };
 use answers::Answers;
 use feed::counted_length;
-use moves::{Mixed, MoveSource};
+use moves::{Mixed, MoveSource, path_control_mode};
+use shaped::off_arc;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -70,6 +73,8 @@ pub struct Programs {
     signals: Arc<[Signal]>,
     /// By how much the axes come to rest later than the path, s.
     settling: f64,
+    /// Of the shaper's delays, s².
+    variance: f64,
     /// How the axes go to a path where a straight line might meet what is being machined.
     retraction: Option<Retraction>,
     /// Where what a program changes in the tables is written at its end.
@@ -159,6 +164,8 @@ pub struct Program {
     signals: Arc<[Signal]>,
     /// By how much the axes come to rest later than the path, s.
     settling: f64,
+    /// Of the shaper's delays, s².
+    variance: f64,
     retraction: Option<Retraction>,
     scale: Scale,
     /// Begin there instead of at the beginning.
@@ -210,6 +217,8 @@ pub struct Extent {
     pub arc_deviation: (f64, u32),
     /// Feeds above what the axes can.
     pub capped: CappedFeeds,
+    /// What the shaper takes off arcs.
+    pub cut: CutArcs,
 }
 
 /// Feeds that a program asks for and the axes cannot: moves with them are as fast as the axes can.
@@ -373,6 +382,7 @@ impl Programs {
             user_codes: user_codes(machine),
             signals: signals(machine).map(|(_, signal)| signal).collect(),
             settling: machine.shaper.settling(machine.cycle.as_secs_f64()),
+            variance: machine.shaper.variance(),
             retraction: machine.retraction,
             keeps: None,
             no_tables: None,
@@ -433,6 +443,7 @@ impl Programs {
             user_codes: Arc::clone(&self.user_codes),
             signals: Arc::clone(&self.signals),
             settling: self.settling,
+            variance: self.variance,
             retraction: self.retraction,
             scale: Scale::default(),
             entered: None,
@@ -632,6 +643,12 @@ impl Program {
                 } else {
                     source.go_on_from(line.end());
                 }
+            }
+            if let Action::Arc { arc, .. } = &command.action {
+                let off = off_arc((arc, &command.action), &curves, &self.limits, self.variance);
+                let mode = interpreter.modes().path_mode;
+                let mode = path_control_mode(mode, self.tolerances, 1.0);
+                extent.cut.add(command.span.line, off, mode.tolerance());
             }
             if let Some(part) = feed::reached(&curves, &command.action, &self.limits) {
                 extent.capped.add(command.span.line, part);

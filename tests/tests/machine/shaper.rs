@@ -8,7 +8,7 @@ use syncline_controller::control::{End, Event, Hold, Phase, Switch};
 use syncline_controller::machine::Machine;
 use syncline_controller::session::{Command, Direction, Jog, Override};
 use syncline_gcode::AxisLetter;
-use syncline_tests::command::machine_with;
+use syncline_tests::command::{Folder, ended, machine_with, syncline};
 use syncline_tests::rig::{PORTAL_PROGRAM, Rig};
 
 /// The portal with a shaper of some 125 ms.
@@ -65,6 +65,37 @@ fn what_is_cut_off_a_curve_is_told_and_judged() {
     let tight = circle("0.01");
     assert_eq!(tight.verdict, "fail");
     assert_eq!(tight.violations[0].what, "path_deviation");
+}
+
+/// `check` tells it beforehand, as validation measures it.
+#[test]
+fn check_tells_of_arcs_that_are_cut() {
+    let folder = Folder::new();
+    let machine = folder.file("machine.toml", &machine_with("portal", &[SHAPED]));
+    let plain = folder.machine("portal");
+    let program = "G21 G90 G64 P0.01 F3000\nG0 X100 Y100\nG2 X100 Y100 I50\nG64 P0.2\nG3 X100 Y100 I50\nG64 P0.001\nG2 X100 Y100 J9\nM2\n";
+    let program = folder.file("part.ngc", program);
+    for (machine, told) in [
+        (
+            &machine,
+            Some(
+                "shaper: 2 arcs are left by more than their mode allows; line 7 by 0.2713 mm of 0.001 mm",
+            ),
+        ),
+        (&plain, None),
+    ] {
+        let output = syncline()
+            .arg("check")
+            .args([machine, &program])
+            .output()
+            .unwrap();
+        let (code, out, errors) = ended(&output);
+        assert_eq!(code, 0, "{errors}");
+        match told {
+            Some(told) => assert!(out.contains(told), "{out}"),
+            None => assert!(!out.contains("shaper"), "{out}"),
+        }
+    }
 }
 
 /// Rows from an order on until the axes' setpoints rest.
