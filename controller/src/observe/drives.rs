@@ -1,5 +1,5 @@
 //! What the simulated drives of a run were asked for: torque, speed, how the sides of a gantry
-//! work against each other, and how what they accelerate sways the structure.
+//! work against each other, how far what they move is from where they say, and how it sways the structure.
 //!
 //! Each is looked at once a cycle, shortly behind its SYNC, as it truly is: without the encoder's noise and
 //! without the drive's own idea of it. What is over between two cycles is not seen. Speed is held against that
@@ -9,7 +9,8 @@ use super::kept::Kept;
 use super::limits::Watch;
 use super::record::{Greatest, Place, Violation};
 use super::structure::StructureWatch;
-use super::summary::{DriveSummary, GantrySummary, StructureSummary};
+use super::summary::{DriveSummary, GantrySummary, StructureSummary, TransmissionSummary};
+use super::transmission::TransmissionWatch;
 use crate::machine::{Axis, Drive, FeedAxis, Machine, Position, Simulation, Validation};
 use syncline_drives::model::Increments;
 use syncline_drives::twin::Observation;
@@ -22,6 +23,7 @@ pub(super) struct Drives {
     drives: Vec<DriveWatch>,
     gantries: Vec<GantryWatch>,
     structures: Vec<StructureWatch>,
+    transmissions: Vec<TransmissionWatch>,
     /// The drives at the last SYNC.
     seen: Vec<Observation>,
     /// Cycles in which they were seen.
@@ -104,6 +106,9 @@ impl Drives {
             structures: (machine.axes.iter())
                 .filter_map(|axis| StructureWatch::new(machine, axis))
                 .collect(),
+            transmissions: (machine.axes.iter())
+                .filter_map(|axis| TransmissionWatch::new(machine, axis))
+                .collect(),
             seen: Vec::with_capacity(machine.drives.len()),
             rows: 0,
         }
@@ -131,6 +136,9 @@ impl Drives {
         for structure in &mut self.structures {
             structure.observe(at, &self.seen);
         }
+        for transmission in &mut self.transmissions {
+            transmission.observe(at, &self.seen);
+        }
     }
 
     /// Where the tool is at the next SYNC, by where the axes are.
@@ -138,6 +146,9 @@ impl Drives {
         let mut tool = *actual;
         for structure in &self.structures {
             structure.sway(&mut tool);
+        }
+        for transmission in &self.transmissions {
+            transmission.give(&mut tool);
         }
         tool
     }
@@ -180,6 +191,12 @@ impl Drives {
         let drives = self.drives.iter().map(|it| it.summary(self.rows));
         let gantries = self.gantries.iter().map(|it| it.summary(self.rows));
         (drives.collect(), gantries.collect(), structures.collect())
+    }
+
+    /// By how much loads were not where their motors say, by axis.
+    pub(super) fn transmissions(&self) -> Vec<TransmissionSummary> {
+        let seen = self.transmissions.iter();
+        seen.filter_map(TransmissionWatch::summary).collect()
     }
 }
 

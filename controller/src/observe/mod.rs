@@ -50,6 +50,7 @@ pub mod switched;
 pub mod timing;
 pub mod trace;
 mod trail;
+mod transmission;
 pub mod travel;
 
 use crate::control::fault::{AxisCause, Fault};
@@ -452,6 +453,7 @@ impl Observers {
         };
         let finished = matches!(controller.end(), Some(End::Finished | End::SwitchedOff));
         let (drives, gantries, structures) = self.drives.summaries();
+        let transmissions = self.drives.transmissions();
         let cycle = self.cycle;
         let seconds = |cycles| seconds(cycle, cycles);
         let (switched, switched_left_off) = std::mem::take(&mut self.switched).end();
@@ -484,6 +486,7 @@ impl Observers {
             drives,
             gantries,
             structures,
+            transmissions,
             loops: std::mem::take(&mut self.loops),
             operations,
             operations_left_off,

@@ -62,6 +62,9 @@ pub struct Summary {
     /// How the structure swayed along axes whose simulation says how it can.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub structures: Vec<StructureSummary>,
+    /// How far what the drives move was from where they say, along axes whose simulation says what is between the two.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub transmissions: Vec<TransmissionSummary>,
     /// The loops of simulated servo drives, as they are set in the end, in a validation.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub loops: Vec<LoopSummary>,
@@ -385,6 +388,31 @@ pub struct StructureSummary {
     pub response: Vec<Compliance>,
 }
 
+/// How far what the drives of an axis move was from where they say, by twist, play and lead error.
+#[derive(Clone, Debug, Serialize)]
+pub struct TransmissionSummary {
+    /// The axis.
+    pub axis: &'static str,
+    /// `mm`, or `°`.
+    pub unit: &'static str,
+    /// At most, from where it was at the first SYNC, mm or degrees.
+    pub max_off_mm: f64,
+    /// Where that was.
+    pub max_off_at: Place,
+}
+
+impl fmt::Display for TransmissionSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            unit,
+            max_off_mm: off,
+            max_off_at: at,
+            ..
+        } = self;
+        write!(f, "load up to {off:.4} {unit} off its motor in {at}")
+    }
+}
+
 /// How far a force that swings with a frequency bends a structure.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Compliance {
@@ -446,6 +474,9 @@ impl fmt::Display for Summary {
         }
         for structure in &self.structures {
             writeln!(f, "structure {:<8} {structure}", structure.axis)?;
+        }
+        for transmission in &self.transmissions {
+            writeln!(f, "transmission {:<5} {transmission}", transmission.axis)?;
         }
         for loops in &self.loops {
             writeln!(f, "loops {:<12} {loops}", loops.drive)?;

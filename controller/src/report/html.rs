@@ -37,6 +37,7 @@ pub(super) fn page(report: &Report, summary: Option<&Summary>) -> String {
     html += &of(&tables::outputs);
     html += &of(&tables::tools);
     html += &of(&tables::drives);
+    html += &of(&tables::transmissions);
     html += &of(&tables::structure);
     html += &of(&tables::loops);
     html += &distributions(report);

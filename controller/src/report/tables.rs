@@ -154,6 +154,24 @@ pub(super) fn drives(summary: &Summary) -> String {
     }
 }
 
+/// How far loads were from where their motors say.
+pub(super) fn transmissions(summary: &Summary) -> String {
+    let rows = summary.transmissions.iter();
+    let rows: String = rows
+        .map(|it| {
+            let said = escape(&it.to_string());
+            format!("<tr><th>{}<td>{said}</tr>\n", it.axis)
+        })
+        .collect();
+    match rows.is_empty() {
+        true => rows,
+        false => section(
+            "Transmissions",
+            format!("<div class=scroll><table class=words>{rows}</table></div>"),
+        ),
+    }
+}
+
 /// How the structure swayed, and how far a force at the tool bends it.
 pub(super) fn structure(summary: &Summary) -> String {
     let mut rows = String::new();

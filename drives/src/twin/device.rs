@@ -57,6 +57,8 @@ pub struct Observation {
     pub position: f64,
     /// Velocity of the shaft, rev/s.
     pub velocity: f64,
+    /// Position of what it moves, revolutions of the shaft: behind it by twist and play, off by the lead error.
+    pub load_position: f64,
     /// Velocity of what it moves, rev/s of the shaft: another one where something gives way in between.
     pub load_velocity: f64,
     /// When these were; of a device with a shaft.

@@ -359,3 +359,30 @@ fn what_is_too_much_for_ever_fails() {
     let (_, told, verdict) = with("", "");
     assert_eq!((told, verdict), (vec![], "pass".into()));
 }
+
+/// The tool is at the load: what lies between it and the motor is part of the contour error, and not where a scale sees the load.
+#[test]
+fn the_contour_error_is_that_of_the_load() {
+    let limits = "soft_limits = [-250.0, 250.0]\n";
+    let of = |simulation: &str| {
+        let axis = format!("{limits}[axis.simulation]\nload = 40.0\n{simulation}\n");
+        let diagonal = "G21 G90 G61\nG1 X100 Y100 F6000\nG4 P0.2\nG1 X0 Y0\nM2\n";
+        validated("", &[(limits, &axis)], diagonal)
+    };
+    let contour = |json: &Value| number(json, "/path/max_contour_error_mm");
+    let off = |json: &Value| json.pointer("/transmissions/0/max_off_mm").and_then(Value::as_f64);
+    let stiff = of("");
+    assert!(contour(&stiff) < 0.01 && off(&stiff).is_none(), "{stiff:#}");
+    // 100 µm along X at its end, on a path of 45°.
+    let lead = of("lead_error = [[0.0, 0.0], [100.0, 100.0]]");
+    assert!((off(&lead).unwrap() - 0.1).abs() < 1e-3, "{:?}", off(&lead));
+    let expected = 0.1 / 2_f64.sqrt();
+    assert!((contour(&lead) - expected).abs() < contour(&stiff) + 1e-3, "{}", contour(&lead));
+    // From one flank to the other, and what twists.
+    let play = of("transmission = \"rack\"\nplay = 0.1\nfriction = 30.0");
+    let given = off(&play).unwrap();
+    assert!((0.09..0.2).contains(&given), "{given}");
+    assert!(contour(&play) > 0.05, "{}", contour(&play));
+    let seen = of("transmission = \"rack\"\nplay = 0.1\nfriction = 30.0\nscale_step = 0.1");
+    assert!(off(&seen).is_none());
+}

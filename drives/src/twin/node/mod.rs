@@ -252,6 +252,7 @@ impl<F: Firmware + Send + 'static> SimulatedDevice for Device<F> {
             is_powered: self.firmware.is_powered(),
             position: shaft.map_or(0.0, Shaft::position),
             velocity: shaft.map_or(0.0, Shaft::velocity),
+            load_position: shaft.map_or(0.0, Shaft::load_position),
             load_velocity: shaft.map_or(0.0, |shaft| shaft.load_motion().velocity),
             at: shaft.map(Shaft::at),
             torque: self.firmware.torque(),

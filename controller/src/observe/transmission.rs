@@ -1,0 +1,78 @@
+//! By how much what the drives move is not where their motors say: twist, play and lead error between the two.
+//!
+//! The tool is at the load, and a drive's encoder is at its motor. Both are seen once a cycle, shortly behind its SYNC; what
+//! the load is off by at a SYNC is what was seen behind the one before, and how it changed by then. It counts from the first
+//! SYNC on: where the axis stands then is where it is known to be. Where a scale or an encoder sees the load, what the axis says
+//! is the load's.
+
+use super::record::{Greatest, Place};
+use super::summary::TransmissionSummary;
+use crate::machine::{Axis, Machine, Position};
+use syncline_drives::twin::Observation;
+
+/// The transmission of one axis.
+#[derive(Debug)]
+pub(super) struct TransmissionWatch {
+    axis: &'static str,
+    unit: &'static str,
+    coordinate: usize,
+    /// Its drives, each with mm of a revolution in the axis's direction.
+    drives: Vec<(usize, f64)>,
+    /// s.
+    cycle: f64,
+    /// What the load was off by at first, mm.
+    first: Option<f64>,
+    /// What it is off by at the next SYNC, from there, mm.
+    ahead: f64,
+    greatest: Greatest,
+}
+
+impl TransmissionWatch {
+    /// Of an axis; `None`: its load is taken to be where it says.
+    pub(super) fn new(machine: &Machine, axis: &Axis) -> Option<Self> {
+        let simulation = axis.simulation.as_ref()?;
+        let drive = |&drive: &usize| {
+            let travel = machine.drives[drive].scaling.travel_per_revolution();
+            (drive, travel)
+        };
+        (simulation.scale.is_none() && axis.feedback.is_none()).then(|| Self {
+            axis: axis.name(),
+            unit: axis.units()[0],
+            coordinate: axis.letter.index(),
+            drives: axis.drives.iter().map(drive).collect(),
+            cycle: machine.cycle.as_secs_f64(),
+            first: None,
+            ahead: 0.0,
+            greatest: Greatest::default(),
+        })
+    }
+
+    /// Takes how the drives are at one SYNC, by their index.
+    pub(super) fn observe(&mut self, at: Place, seen: &[Observation]) {
+        let mean = |of: &dyn Fn(&Observation) -> f64| {
+            let each = self.drives.iter();
+            let sum: f64 = each.map(|(drive, travel)| travel * of(&seen[*drive])).sum();
+            sum / self.drives.len() as f64
+        };
+        let off = mean(&|it| it.load_position - it.position);
+        let rate = mean(&|it| it.load_velocity - it.velocity);
+        let off = off - *self.first.get_or_insert(off);
+        self.ahead = off + rate * self.cycle;
+        self.greatest.look(off.abs(), at);
+    }
+
+    /// Moves the tool by what the load is off at the next SYNC.
+    pub(super) fn give(&self, tool: &mut Position) {
+        tool[self.coordinate] += self.ahead;
+    }
+
+    /// What was seen; `None` where the load never was off.
+    pub(super) fn summary(&self) -> Option<TransmissionSummary> {
+        (self.greatest.value > 0.0).then_some(TransmissionSummary {
+            axis: self.axis,
+            unit: self.unit,
+            max_off_mm: self.greatest.value,
+            max_off_at: self.greatest.at,
+        })
+    }
+}
