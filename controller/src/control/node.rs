@@ -701,6 +701,7 @@ impl DeviceNode {
         self.polls = Polls::NONE;
         self.sequence.clear();
         self.torque.forget_steps();
+        self.command_off();
         if in_reach {
             self.tell_finally();
         }

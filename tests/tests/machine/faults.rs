@@ -139,9 +139,10 @@ fn assert_switched_off_by<'a>(rig: &mut Rig, controlwords: impl Fn(usize) -> &'a
             .iter()
             .find(|it| it.frame.data().starts_with(&release));
         let leave = [nmt::Command::EnterPreOperational as u8, node(drive).get()];
+        // One that is not heard is called back before, too.
         let left = nmt_frames
             .iter()
-            .find(|it| it.frame.data() == leave)
+            .rfind(|it| it.frame.data() == leave)
             .unwrap()
             .start;
         let mut order: Vec<_> = commands.last().map(|it| it.0).into_iter().collect();

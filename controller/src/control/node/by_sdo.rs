@@ -115,6 +115,15 @@ impl DeviceNode {
         });
     }
 
+    /// Takes the power once more from a drive that was told so by SDO, for the last time: it is let go of.
+    pub(super) fn command_off(&mut self) {
+        if self.by_sdo.power.take().is_some()
+            && let Some(survey) = self.survey()
+        {
+            self.sequence.command(survey.disable);
+        }
+    }
+
     /// Tells once more what its outputs are, and forgets what it was told of its power: it is let go of, or begins anew.
     pub(super) fn tell_finally(&mut self) {
         self.by_sdo.power = None;
