@@ -68,6 +68,6 @@ impl State {
 
     /// Takes over where the machine rests behind a homing.
     pub(super) fn homed(&mut self, at: Point) {
-        (self.at, self.sent) = (at, AxisSet::NONE);
+        self.found_at(at);
     }
 }

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::f64::consts::{PI, TAU};
 
 use super::arc::{Arc, Direction, Plane};
-use super::axes::{AxisLetter, COORDINATE_LIMIT, Point};
+use super::axes::{AxisLetter, AxisSet, COORDINATE_LIMIT, Point};
 use super::block::Block;
 use super::command::{Action, Feed, Probe, Spindle, Turning};
 use super::coordinates::sum;
@@ -189,14 +189,29 @@ impl State {
             self.compensated = Compensated::Off;
         }
         let to = action.destination().unwrap_or(self.at);
+        // A circle leaves its axes all but where they were found.
+        let is_arc = matches!(action, Action::Arc { .. });
+        let aside = if is_arc { FOUND_BESIDE } else { 0.0 };
         for axis in AxisLetter::ALL {
-            if to[axis] != self.at[axis] || words.columns(axis.letter() as u8).is_some() {
+            let is_named = !is_arc && words.columns(axis.letter() as u8).is_some();
+            if is_named || (to[axis] - self.at[axis]).abs() > aside {
                 self.sent.insert(axis);
             }
         }
         self.at = to;
         commands.push_back(action);
         Ok(())
+    }
+
+    /// The axes were found there: those that are elsewhere than blocks have sent them.
+    pub(crate) fn found_at(&mut self, at: Point) {
+        let sent = std::mem::replace(&mut self.sent, AxisSet::NONE);
+        for axis in sent.iter() {
+            if (at[axis] - self.at[axis]).abs() < LIMIT_ROUNDING {
+                self.sent.insert(axis);
+            }
+        }
+        self.at = at;
     }
 
     /// Comes to where it is from `start`: the [way](Self::way) there.

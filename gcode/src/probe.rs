@@ -5,7 +5,7 @@
 
 use std::collections::VecDeque;
 
-use super::axes::{AxisLetter, AxisSet, Point};
+use super::axes::{AxisLetter, Point};
 use super::command::{Action, Probe};
 use super::error::{Fault, Refusal};
 use super::execute::State;
@@ -66,7 +66,7 @@ impl State {
 
     /// Takes over what came of a probing. Without a contact the parameters have where it ended.
     pub(super) fn probed(&mut self, probed: Probed) {
-        (self.at, self.sent) = (probed.at, AxisSet::NONE);
+        self.found_at(probed.at);
         let place = probed.contact.unwrap_or(probed.at);
         let place = self.coordinates().to_program(place);
         let places = AxisLetter::ALL.map(|axis| place[axis] / self.unit(axis));
