@@ -346,6 +346,11 @@ impl<const N: usize> Controller<N> {
         }
     }
 
+    /// What was switched by hand is not, as where a job is stopped that was to begin with it.
+    pub(super) fn forget_hand_switches(&mut self) {
+        self.switches.by_hand.fill(None);
+    }
+
     /// Switches off what is left on, as at the end of a job.
     pub(super) fn switch_off_outputs(&mut self) {
         let Self {

@@ -5,7 +5,7 @@
 use super::beside_path::BesidePath;
 use super::state::{NotNow, Request, State};
 use super::{
-    Controller, End, Event, Fault, Goal, Instruction, Phase, Refusal, StopPoint, event_sink,
+    Controller, End, Event, Fault, Goal, Instruction, Phase, Refusal, StopPoint, Switch, event_sink,
 };
 use std::mem::{replace, take};
 use syncline_gcode::AxisSet;
@@ -281,7 +281,16 @@ impl<const N: usize> Controller<N> {
         if self.room() == 0 {
             return false;
         }
-        self.begin_instructions();
+        // A message is told whatever comes behind it.
+        if !matches!(
+            instruction,
+            Instruction::Switch {
+                switch: Switch::Message,
+                ..
+            }
+        ) {
+            self.begin_instructions();
+        }
         if let Instruction::Found(number) = instruction {
             self.beside_path.begin_plan(number);
             return true;
@@ -418,6 +427,7 @@ impl<const N: usize> Controller<N> {
             };
             if outcome == Outcome::Stopped {
                 self.give_tool_change_up();
+                self.forget_hand_switches();
             }
             if ends && self.stays_on {
                 self.switch_off_outputs();

@@ -635,7 +635,6 @@ impl DeviceNode {
 
     /// The steps from a drive in an unknown state to one that may be reset.
     pub(super) fn ask_survey(&mut self) {
-        self.tell_finally();
         let survey = self.survey();
         let history = self
             .device

@@ -551,6 +551,7 @@ impl<const N: usize> Controller<N> {
             });
         }
         self.executor.restart(position);
+        self.forget_contact();
         if let Some(job) = self.job {
             // Nothing can have been switched by hand before.
             self.switches.begin(&self.layout, &job, |_| ());

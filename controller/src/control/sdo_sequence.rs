@@ -226,6 +226,7 @@ impl SdoSequence {
         self.steps.clear();
         self.tries = 0;
         self.give_up = None;
+        self.unanswered = false;
         self.stale = self.client.is_busy();
     }
 
@@ -328,7 +329,9 @@ impl SdoSequence {
             Reason::TimedOut if matches!(step, Step::Poll(_)) => self.next(),
             Reason::TimedOut if matches!(step, Step::Command(_)) => {
                 self.unanswered = true;
-                self.next();
+                if self.tries > self.layout.sdo_retries {
+                    self.next();
+                }
             }
             Reason::Refused(_) | Reason::GivenUp(_) if matches!(step, Step::AwaitAnswer(_)) => {
                 self.next();

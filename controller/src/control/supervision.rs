@@ -34,6 +34,11 @@ impl<const N: usize> Controller<N> {
         if (Phase::Square..=Phase::QuickStop).contains(&phase) {
             self.sample_axes();
         }
+        if self.sync_on && self.is_faulty() && (Phase::Program..=Phase::Disable).contains(&phase) {
+            for node in &mut self.nodes {
+                node.watch_outputs();
+            }
+        }
         if self.sync_on && (Phase::QuickStop..=Phase::Disable).contains(&phase) {
             self.check_io_nodes(now);
         }

@@ -239,6 +239,24 @@ proptest! {
     }
 }
 
+/// A stop switches off what was switched on by hand also where the program has not said anything yet.
+#[test]
+fn a_stop_before_the_first_instruction_makes_safe() {
+    for wake_ups in 0..4 {
+        let mut rig = cooled();
+        go(&mut rig, output("flood", true));
+        let file = rig.folder.file("part.ngc", "G1 X10 F3000\nM2\n");
+        go(&mut rig, Command::Load(file));
+        rig.command(Command::Run { from_line: None });
+        (0..wake_ups).for_each(|_| {
+            rig.step();
+        });
+        go(&mut rig, Command::Stop);
+        assert_eq!(state(&rig), State::Ready);
+        assert_eq!(outputs(&mut rig).0, 0, "{wake_ups}");
+    }
+}
+
 /// M9 is off, whoever switched the coolant on.
 #[test]
 fn m9_switches_off_what_was_switched_on_by_hand() {

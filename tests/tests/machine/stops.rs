@@ -218,7 +218,8 @@ impl Sample {
                 }
                 Block::Coolant(flood) => {
                     let coolant = Coolant { flood, mist: false };
-                    if flood != flows {
+                    // M9 is off, whoever switched it on.
+                    if flood != flows || !flood {
                         sample.switches.push(Switch::Coolant(coolant));
                     }
                     flows = flood;

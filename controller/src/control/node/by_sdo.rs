@@ -78,7 +78,14 @@ impl DeviceNode {
         }
     }
 
-    /// Whether it is one, and no drive that has outputs.
+    /// Tells from now on by SDO as well what the outputs of a drive are that is not heard, or not in Operational.
+    pub(in crate::control) fn watch_outputs(&mut self) {
+        if !self.is_io_node() && !(self.is_fresh() && self.is_operational()) {
+            self.tell_by_sdo();
+        }
+    }
+
+    /// Whether it is an I/O node, and no drive that has outputs.
     pub(in crate::control) fn is_io_node(&self) -> bool {
         matches!(self.device, Device::Io(_))
     }
@@ -124,14 +131,13 @@ impl DeviceNode {
         }
     }
 
-    /// Tells once more what its outputs are, and forgets what it was told of its power: it is let go of, or begins anew.
+    /// Tells once more what its outputs are: it is let go of.
     pub(super) fn tell_finally(&mut self) {
-        self.by_sdo.power = None;
         self.by_sdo.outputs.clear();
         self.tell_outputs();
     }
 
-    /// Calls it back to Pre-operational, and tells again what it has not answered; whether it did.
+    /// Calls it back to Pre-operational, unless it shows to be in Operational, and tells again what it has not answered; whether it did.
     pub(super) fn call_back(&mut self, tx: &mut impl Transmit) -> bool {
         let unanswered = self.sequence.take_unanswered();
         if unanswered {
@@ -139,7 +145,11 @@ impl DeviceNode {
             if let Some(write) = self.by_sdo.power {
                 self.sequence.command(write);
             }
-            tx.transmit(self.nmt(nmt::Command::EnterPreOperational));
+            // One answer may have been lost.
+            let hears = self.is_fresh() && self.is_operational();
+            if !hears {
+                tx.transmit(self.nmt(nmt::Command::EnterPreOperational));
+            }
         }
         unanswered
     }

@@ -90,8 +90,8 @@ pub(super) struct Probing<const N: usize> {
     touched: bool,
     /// The cycle of the last contact while nobody was probing.
     touched_last: Option<u64>,
-    /// Where the contact that there is began while the axes moved, mm.
-    contact_at: Option<[f64; N]>,
+    /// Where the contact that there is began while the axes moved, mm, and how fast they went, mm/s.
+    contact: Option<([f64; N], [f64; N])>,
     /// The axes go too far from there, which has been told.
     pressed: bool,
     /// Cycles that the axes had to settle, where the motion is over.
@@ -109,7 +109,7 @@ impl<const N: usize> Probing<N> {
             samples: Samples::none(),
             touched: false,
             touched_last: None,
-            contact_at: None,
+            contact: None,
             pressed: false,
             settling: 0,
         }
@@ -129,7 +129,7 @@ impl<const N: usize> Probing<N> {
     pub(super) fn abort(&mut self) {
         *self = Self {
             touched_last: self.touched_last,
-            contact_at: self.contact_at,
+            contact: self.contact,
             ..Self::new()
         };
     }
@@ -178,7 +178,7 @@ impl<const N: usize> Controller<N> {
         if rests {
             return;
         }
-        self.probing.contact_at = Some(self.planned.position);
+        self.probing.contact = Some((self.planned.position, self.planned.velocity));
         if self.probes() || self.phase != Phase::Program {
             return;
         }
@@ -191,26 +191,37 @@ impl<const N: usize> Controller<N> {
     }
 
     /// A contact that stays has to open: nobody drives the probe further than `overtravel` from where the contact began,
-    /// also by jogs that begin in it.
+    /// also by jogs that begin in it. Straight back from there is no further, however late the probe tells that it is off.
     pub(super) fn watch_contact(&mut self) {
-        let Some(began) = self.probing.contact_at else {
+        let Some((began, approach)) = self.probing.contact else {
             return;
         };
-        if self.touches() == Some(false) {
-            (self.probing.contact_at, self.probing.pressed) = (None, false);
+        if self.touches() == Some(false) || self.homing.is_active() {
+            self.forget_contact();
             return;
         }
+        let along =
+            |a: &[f64; N], b: &[f64; N]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
         let plan = &self.planned;
-        let way: [f64; N] = array::from_fn(|at| plan.position[at] - began[at]);
-        let along = |other: &[f64; N]| -> f64 { way.iter().zip(other).map(|(a, b)| a * b).sum() };
-        let is_further = along(&way).sqrt() > self.layout.probing.overtravel;
-        let goes_on = along(&plan.velocity) > 0.0;
+        let mut way: [f64; N] = array::from_fn(|at| plan.position[at] - began[at]);
+        let speed = along(&approach, &approach);
+        let back = along(&way, &approach).min(0.0) / speed.max(f64::MIN_POSITIVE);
+        for (way, approach) in way.iter_mut().zip(&approach) {
+            *way -= back * approach;
+        }
+        let is_further = along(&way, &way).sqrt() > self.layout.probing.overtravel;
+        let goes_on = along(&way, &plan.velocity) > 0.0;
         let presses = is_further && goes_on && !self.probes() && self.phase == Phase::Program;
         if presses && !self.probing.pressed {
             self.tell(Event::Touched);
             self.stop_at_contact();
         }
         self.probing.pressed = presses;
+    }
+
+    /// A contact is none that axes moved into: it opened, or they are elsewhere by now.
+    pub(super) fn forget_contact(&mut self) {
+        (self.probing.contact, self.probing.pressed) = (None, false);
     }
 
     /// Whether the program probes, so that contact is what it looks for.
