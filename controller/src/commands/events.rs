@@ -40,13 +40,13 @@ pub(super) const EVENTS: [Event; 27] = [
     Event {
         name: "feed_override",
         needs: "0 or a value from 0.1 to 200 (%)",
-        meaning: "of the programmed feed from now on; 0 rests on the path",
+        meaning: "sets the feed to a part of what is programmed; 0 rests on the path",
         read: |value| percent(value, MOST_FEED).map(Command::FeedOverride),
     },
     Event {
         name: "rapid_override",
         needs: "0 or a value from 0.1 to 100 (%)",
-        meaning: "of the speed of rapid moves, homing and jogs; 0 holds them",
+        meaning: "sets the speed of rapid moves, homing and jogs to a part of theirs; 0 holds them",
         read: |value| percent(value, MOST_RAPID).map(Command::RapidOverride),
     },
     Event {

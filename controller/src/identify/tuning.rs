@@ -98,6 +98,8 @@ fn tuned(all: &[Tuning], like: &Gains) -> Option<Gains> {
     loop {
         let gains = Tuning::tuned_for(&bounding, like, &DISTANCE)?;
         match all.iter().find(|it| !it.keeps(&gains, &DISTANCE)) {
+            // What bounds them already cannot be kept.
+            Some(short) if bounding.iter().any(|it| std::ptr::eq(*it, short)) => return None,
             Some(short) => bounding.push(short),
             None => return Some(gains),
         }

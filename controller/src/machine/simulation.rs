@@ -27,6 +27,8 @@ pub struct Simulation {
     pub axis: FeedAxis,
     /// What ties a gantry's two sides together.
     pub gantry: Option<Gantry>,
+    /// The file names its motor. Otherwise the sides of a beam have what their drives' models have, other axes the usual one.
+    pub motor_is_named: bool,
     /// How unevenly a spindle turns; `None`: evenly.
     pub ripple: Option<twin::Ripple>,
     /// `None`: what each drive's model has.
@@ -76,8 +78,7 @@ impl Simulation {
     /// What each of its motors moves, with a power stage of its own; `None`: what its drive's model has.
     #[must_use]
     pub fn driven(&self) -> Option<FeedAxis> {
-        let names_motor = self.gantry.as_ref().is_none_or(|it| it.motor_is_named);
-        names_motor.then(|| self.felt())
+        (self.gantry.is_none() || self.motor_is_named).then(|| self.felt())
     }
 
     /// What each of its motors moves, where those of a gantry move as one.
@@ -102,8 +103,6 @@ pub struct Gantry {
     pub beam: Beam,
     /// What runs along it.
     pub carriage: Option<Carriage>,
-    /// The file names the motor of its sides; otherwise each moves with what its drive's model has.
-    motor_is_named: bool,
 }
 
 /// What another axis moves along a beam, from the first side to the second.
@@ -364,6 +363,7 @@ pub(super) fn read(
         );
     }
     let is_pair = gantry;
+    let motor_is_named = table.span_of("motor").is_some();
     let gantry = is_tied.then(|| beam(log, &mut table));
     let feed_axis = feed_axis(log, &mut table, rotary, is_tied);
     let scale = match what {
@@ -410,6 +410,7 @@ pub(super) fn read(
             Some(gantry) => Some(gantry?),
             None => None,
         },
+        motor_is_named,
         encoder,
         scale,
         structure,
@@ -458,7 +459,6 @@ fn beam(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Option<Gantry> {
         damping: number("racking_damping", 0.0..=1e9, "(N·m·s/rad)"),
     };
     let carriage = carriage(log, table);
-    let motor_is_named = table.span_of("motor").is_some();
     kind?;
     Some(Gantry {
         beam: Beam {
@@ -468,7 +468,6 @@ fn beam(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Option<Gantry> {
             racking,
         },
         carriage,
-        motor_is_named,
     })
 }
 

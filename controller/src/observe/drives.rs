@@ -207,7 +207,10 @@ impl DriveWatch {
         let hanging = own.as_ref().is_some_and(FeedAxis::has_weight);
         let own = own.as_ref().map(FeedAxis::motor);
         let motor = own.unwrap_or_default();
-        let forever = own.map_or(f64::INFINITY, |_| 1.0);
+        let forever = match simulation.is_some_and(|it| it.motor_is_named) {
+            true => 1.0,
+            false => f64::INFINITY,
+        };
         let tolerance = machine.validation;
         Self {
             name: drive.name.clone(),

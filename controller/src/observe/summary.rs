@@ -597,7 +597,10 @@ impl fmt::Display for DriveSummary {
             self.continuous_torque,
         )?;
         if let Some(after) = self.limited_after_s {
-            write!(f, ", run over and over it is limited after {after:.0} s")?;
+            write!(
+                f,
+                ", over and over its torque is limited after {after:.0} s"
+            )?;
         }
         write!(f, "; speed max {:.0} 1/min", self.max_speed_rpm)?;
         if let Some(reserve) = self.speed_reserve {

@@ -22,7 +22,7 @@
 //! Nothing is tried where the tolerance can only help: between two lines, where a larger rounding is the same curve on a
 //! larger scale. Nothing is planned where the stretches are the same, and none within still lesser tolerances once one takes
 //! much longer than the least. What planning takes for a choice is bounded as that of windows is; beyond that what was
-//! found so far is taken. A stretch has few moves: of more short segments the tolerance makes a smoother curve, and they
+//! found so far is taken, or a stop where that is sooner. A stretch has few moves: of more short segments the tolerance makes a smoother curve, and they
 //! are joined within that alone. So no more is kept than that.
 //!
 //! # What was tried

@@ -253,9 +253,10 @@ impl<const N: usize> Joiner<N> {
             else {
                 break;
             };
-            if !is_sliver(smaller.1) {
-                (curve, cut) = smaller;
+            if is_sliver(smaller.1) {
+                break;
             }
+            (curve, cut) = smaller;
         }
         Some((curve, cut))
     }
