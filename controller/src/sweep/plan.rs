@@ -300,10 +300,18 @@ impl Plan {
             .collect()
     }
 
-    /// Each key alone with the first of its values, as `--set` takes it.
+    /// Each key alone with the first of its values, as `--set` takes it, and with all that are no numbers: they may name files.
     pub fn samples(&self) -> impl Iterator<Item = String> {
-        let variables = self.vary.variables.iter();
-        variables.map(|it| format!("{}={}", it.key, it.values.value(At::Step(0))))
+        self.vary.variables.iter().flat_map(|it| {
+            let first = [it.values.value(At::Step(0))];
+            let named = match &it.values {
+                Values::Listed(values) => &values[1..],
+                Values::Whole { .. } | Values::Real { .. } => &[],
+            };
+            let named = named.iter().filter(|value| value.parse::<f64>().is_err());
+            let all = first.into_iter().chain(named.cloned());
+            all.map(|value| format!("{}={value}", it.key))
+        })
     }
 
     fn at(&self, variable: usize, run: u64) -> At {

@@ -241,13 +241,18 @@ fn descriptions_are_part_of_the_machine() {
     for name in ["machine.toml", "servo.toml", "servo.eds"] {
         let _ = folder.file(name, &of_example(name).unwrap());
     }
+    // That of no first value.
+    let other = of_example("servo.toml").unwrap();
+    let other = other.replace("Servo 20", "Servo 21");
+    let _ = folder.file("other.toml", &other);
     let (machine, program) = (
         folder.path("machine.toml"),
         folder.file("part.ngc", PROGRAM),
     );
     let vary = folder.file(
         "vary.toml",
-        "method = \"grid\"\n[[vary]]\nkey = \"axis.X.max_jerk\"\nvalues = [20_000.0, 40_000.0]\n",
+        "method = \"grid\"\n[[vary]]\nkey = \"axis.X.max_jerk\"\nvalues = [20_000.0, 40_000.0]\n\
+         [[vary]]\nkey = \"drive.X.model\"\nvalues = [\"servo.toml\", \"other.toml\"]\n",
     );
     let sweep = || {
         let mut command = syncline();
@@ -295,6 +300,10 @@ fn descriptions_are_part_of_the_machine() {
         let _ = folder.file(name, &text);
         assert_eq!(sweep().0, 0);
     }
+    let _ = folder.file("other.toml", &format!("# changed\n{other}"));
+    let (code, errors) = sweep();
+    let refused = code == 2 && errors.contains("another description of a device");
+    assert!(refused, "{errors}");
 }
 
 /// Runs of files that are changed while the sweep is made are not kept.
