@@ -11,6 +11,7 @@
 //! - [`loops`]: how far the loops of simulated drives are from swinging
 //! - `drives`: torque and speed of simulated drives, skew and torque fight of gantries
 //! - `structure`: how the simulated machine sways between tool and workpiece
+//! - `transmission`: how far what simulated drives move is from where they say
 //! - [`travel`]: how far the tool has come along the program, and for how long it moved
 //! - [`places`]: where a run was worst
 //! - `positioning`: what axes did that go point to point
