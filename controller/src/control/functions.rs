@@ -193,7 +193,8 @@ impl Switches {
         self.by_hand[output] = Some(on);
     }
 
-    /// Switches off what a program leaves on, and a job that is stopped: spindle, coolant and outputs.
+    /// Switches off what a program leaves on, and a job that is stopped: spindle, coolant and outputs, also those that were switched
+    /// by hand.
     pub(super) fn stop(&mut self, mut tell: impl FnMut(Switch)) {
         let MachineFunctions {
             spindle, coolant, ..
@@ -215,6 +216,7 @@ impl Switches {
         }
         self.functions.outputs = Outputs::default();
         self.kept = Kept::default();
+        self.by_hand.fill(None);
         self.safe = true;
     }
 
@@ -344,11 +346,6 @@ impl<const N: usize> Controller<N> {
             self.tell(Event::Switched { line, switch });
             self.tell(Event::ToolNotChanged { asked, tool });
         }
-    }
-
-    /// What was switched by hand is not, as where a job is stopped that was to begin with it.
-    pub(super) fn forget_hand_switches(&mut self) {
-        self.switches.by_hand.fill(None);
     }
 
     /// Switches off what is left on, as at the end of a job.

@@ -427,7 +427,6 @@ impl<const N: usize> Controller<N> {
             };
             if outcome == Outcome::Stopped {
                 self.give_tool_change_up();
-                self.forget_hand_switches();
             }
             if ends && self.stays_on {
                 self.switch_off_outputs();
