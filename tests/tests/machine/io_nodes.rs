@@ -652,7 +652,7 @@ fn deed() -> impl Strategy<Value = Command> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
 
-    /// Whatever is done and whenever: where the machine rests what was switched by hand stays, everywhere else
+    /// Whatever is done and whenever: where the machine rests what was switched by hand stays until a stop, everywhere else
     /// outputs are the program's, or safe.
     #[test]
     fn by_hand_nothing_is_switched_but_where_the_machine_rests(
@@ -678,10 +678,15 @@ proptest! {
                     by_hand = [None; 2];
                 }
                 for event in told.events() {
-                    if let session::Event::Accepted(it) = event
-                        && let Command::Output { name, on } = it.command
-                    {
-                        by_hand[usize::from(name == "clamp")] = Some(on);
+                    let session::Event::Accepted(it) = event else {
+                        continue;
+                    };
+                    match it.command {
+                        Command::Output { name, on } => {
+                            by_hand[usize::from(name == "clamp")] = Some(on);
+                        }
+                        Command::Stop => by_hand = [None; 2],
+                        _ => {}
                     }
                 }
                 // What happens within a cycle shows at its end.
