@@ -340,6 +340,9 @@ impl Outputs {
             self.to_be_safe = true;
             self.outputs.iter_mut().for_each(|it| it.unsafe_for = 0);
         }
+        for output in &mut self.outputs {
+            output.by_hand = None;
+        }
         self.left = Some(Switched::default());
         self.job = None;
         self.aside = false;
