@@ -79,7 +79,7 @@ fn check_tells_of_arcs_that_are_cut() {
         (
             &machine,
             Some(
-                "shaper: 2 arcs are left by more than their mode allows; line 7 by 0.2713 mm of 0.001 mm",
+                "shaper: 2 arcs are left by more than their mode allows; line 7 by 0.2711 mm of 0.001 mm",
             ),
         ),
         (&plain, None),

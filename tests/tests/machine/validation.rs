@@ -363,7 +363,7 @@ fn what_is_too_much_for_ever_fails() {
 /// The tool is at the load: what lies between it and the motor is part of the contour error, and not where a scale sees the load.
 #[test]
 fn the_contour_error_is_that_of_the_load() {
-    let limits = "soft_limits = [-250.0, 250.0]\n";
+    let limits = "soft_limits = [-250.0, 250.0]\nfollowing_error_limit = 1.0\n";
     let of = |simulation: &str| {
         let axis = format!("{limits}[axis.simulation]\nload = 40.0\n{simulation}\n");
         let diagonal = "G21 G90 G61\nG1 X100 Y100 F6000\nG4 P0.2\nG1 X0 Y0\nM2\n";
