@@ -80,7 +80,8 @@ impl DeviceNode {
 
     /// Tells from now on by SDO as well what the outputs of a drive are that is not heard, or not in Operational.
     pub(in crate::control) fn watch_outputs(&mut self) {
-        if !self.is_io_node() && !(self.is_fresh() && self.is_operational()) {
+        let is_heard = self.is_fresh() && self.is_operational();
+        if !self.is_io_node() && !is_heard {
             self.tell_by_sdo();
         }
     }
