@@ -2,9 +2,8 @@
 
 use super::simulation::number_or;
 use syncline_strict_toml::{Log, Table};
-use toml::Spanned;
 
-/// Tolerances of a run; infinite where the file says nothing, but for what says otherwise.
+/// Tolerances of a run; infinite where the file says nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Validation {
     /// `contour_error`: the greatest distance of the tool from the programmed path, mm.
@@ -17,9 +16,8 @@ pub struct Validation {
     pub torque: f64,
     /// What part of the speed at which its voltage ends a motor may have: all but `speed_reserve`.
     pub speed: f64,
-    /// `rms_torque`: the greatest root mean square of a drive's torque, as a part of the continuous one; where the file says
-    /// nothing, 1 of drives whose motor it describes.
-    pub rms_torque: Option<f64>,
+    /// `rms_torque`: the greatest root mean square of a drive's torque, as a part of the continuous one.
+    pub rms_torque: f64,
     /// `phase_margin`: the least of any loop of a simulated drive, degrees; 0 where none is asked for.
     pub phase_margin: f64,
     /// `gain_margin`: the same of its gain, dB.
@@ -34,7 +32,7 @@ impl Default for Validation {
             skew: f64::INFINITY,
             torque: f64::INFINITY,
             speed: f64::INFINITY,
-            rms_torque: None,
+            rms_torque: f64::INFINITY,
             phase_margin: 0.0,
             gain_margin: 0.0,
         }
@@ -45,7 +43,7 @@ pub(super) fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Validation {
     let mut most = |key| table.positive_or(log, key, f64::INFINITY, "(mm)");
     let [contour_error, following_error, skew] =
         ["contour_error", "following_error", "skew"].map(&mut most);
-    let rms_torque = table.positive_if(log, "rms_torque", "(of the continuous one)");
+    let rms_torque = table.positive_or(log, "rms_torque", f64::INFINITY, "(of the continuous one)");
     let phase_margin = number_or(
         log,
         &mut table,
@@ -73,7 +71,7 @@ pub(super) fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Validation {
         skew,
         torque,
         speed,
-        rms_torque: rms_torque.map(Spanned::into_inner),
+        rms_torque,
         phase_margin,
         gain_margin,
     }

@@ -207,16 +207,12 @@ impl DriveWatch {
         let hanging = own.as_ref().is_some_and(FeedAxis::has_weight);
         let own = own.as_ref().map(FeedAxis::motor);
         let motor = own.unwrap_or_default();
-        let forever = match simulation.is_some_and(|it| it.motor_is_named) {
-            true => 1.0,
-            false => f64::INFINITY,
-        };
         let tolerance = machine.validation;
         Self {
             name: drive.name.clone(),
             peak: motor.peak_torque,
             continuous: motor.continuous_torque,
-            rms_limit: tolerance.rms_torque.unwrap_or(forever) * motor.continuous_torque,
+            rms_limit: tolerance.rms_torque * motor.continuous_torque,
             motor: own,
             most_speed: own.map(|it| it.no_load_speed(DcBus::default().nominal)),
             tolerance,

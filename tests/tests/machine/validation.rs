@@ -322,8 +322,7 @@ fn loops_that_swing_fail() {
     );
 }
 
-/// What a motor cannot do over and over fails, with when it would be limited; a short stroke that it does after a rest may be
-/// allowed. Nothing is said of a motor that stands it, nor of one of which the file says nothing.
+/// What a motor cannot do over and over is told, with when it would be limited, and fails where that is asked for. Nothing is said of a motor that stands it, nor of one of which the file says nothing.
 #[test]
 fn what_is_too_much_for_ever_fails() {
     let strokes = "G61\n".to_owned() + &"G0 Y40\nG0 Y-40\n".repeat(4) + "M2\n";
@@ -341,6 +340,12 @@ fn what_is_too_much_for_ever_fails() {
     };
     let weak = "[axis.simulation]\nmotor = \"generic-0.4\"\nload = 60.0\nfriction = 180.0\n";
     let ((load, after), told, verdict) = with("", weak);
+    assert_eq!(
+        (told, verdict),
+        (vec![], "pass".into()),
+        "it is told, and not asked for"
+    );
+    let (_, told, verdict) = with("[validation]\nrms_torque = 1.0\n", weak);
     assert!(load > 1.0 && load < 1.5, "{load}");
     // From cold: the motor's 15 s, sooner than the drive's 4 s with half as much again.
     let expected = -15.0 * (1.0 - 1.0 / (load * load)).ln();
