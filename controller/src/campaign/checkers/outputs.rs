@@ -476,8 +476,9 @@ impl Outputs {
             if job.script.is_open && through {
                 continue;
             }
-            let is_before =
-                !job.begun[group] && scene.since(job.at[group][0].1) < SHORT * scene.period();
+            // Outputs are a job's with its first instruction, which a planner that is starved does not give.
+            let soon = scene.since(job.at[group][0].1) < SHORT * scene.period();
+            let is_before = !job.begun[group] && (soon || is_starved(scene));
             let same = |output: &usize| self.outputs[*output].latched == job.before[*output];
             // It may look like a state that the program comes to later.
             if is_before && self.groups[group].iter().all(same) {
@@ -557,6 +558,16 @@ impl Outputs {
             }
         }
     }
+}
+
+/// Whether no instructions may come, or none have come until shortly before.
+fn is_starved(scene: &Scene<'_>) -> bool {
+    scene.interferences.iter().any(|(at, what)| match what {
+        Interference::StarvePlanner(wake_ups) => {
+            scene.since(*at) < (f64::from(*wake_ups) + SHORT) * scene.period()
+        }
+        _ => false,
+    })
 }
 
 /// Typed lines leave outputs as they are safe until they switch them.
