@@ -45,6 +45,21 @@ pub struct ArcDefinition<const N: usize> {
     pub turns: u32,
 }
 
+/// A circle in the plane of two axes, or a part of one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Circle {
+    /// Indices of the axes: from the first towards the second is counterclockwise.
+    pub plane: (usize, usize),
+    /// In these axes, mm.
+    pub centre: [f64; 2],
+    /// mm
+    pub radius: f64,
+    /// Angle of its start, rad, from the first axis towards the second.
+    pub from: f64,
+    /// Angle swept, rad, counterclockwise positive.
+    pub sweep: f64,
+}
+
 /// The radius of a spiral is taken to go with the path length, as it nearly does: by this part of its change it may be elsewhere,
 /// which is little, as the whole change is within [`RADIUS_TOLERANCE_RELATIVE`](super::RADIUS_TOLERANCE_RELATIVE).
 const SPIRAL_SLACK: f64 = 1e-3;
@@ -124,6 +139,21 @@ impl<const N: usize> Arc<N> {
         };
         arc.length = arc.length_to(swept);
         Ok(arc)
+    }
+
+    /// The circle that it is all of, or a part; `None` of a helix or a spiral that goes further than `within` off one, mm or
+    /// degrees.
+    #[must_use]
+    pub fn circle(&self, within: f64) -> Option<Circle> {
+        let off = self.pitch.iter().chain([&self.spiral]);
+        let is_flat = off.into_iter().all(|it| (it * self.sweep).abs() <= within);
+        is_flat.then_some(Circle {
+            plane: self.plane,
+            centre: [self.centre.0, self.centre.1],
+            radius: self.radius,
+            from: self.from,
+            sweep: self.sweep,
+        })
     }
 
     /// Path length per radian at the angle `t` ≥ 0 from the start.

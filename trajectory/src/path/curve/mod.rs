@@ -24,7 +24,7 @@ mod spline;
 
 use thiserror::Error;
 
-pub use arc::{Arc, ArcDefinition};
+pub use arc::{Arc, ArcDefinition, Circle};
 pub use length::{Growth, ORDERS};
 pub use polynomial::Poly;
 

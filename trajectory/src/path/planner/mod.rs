@@ -354,6 +354,9 @@ impl<const N: usize> Planner<N> {
             Laid::Ends(length, ends) => {
                 let start = self.length - length;
                 self.tell_move_ends(start, &ends);
+                if let Some(PlanItem::Section(section)) = self.items.back_mut() {
+                    section.end_in_rounding(length, &ends);
+                }
             }
             Laid::Rest => {
                 if let Some(PlanItem::Section(section)) = self.items.back_mut() {

@@ -47,22 +47,31 @@ impl<const N: usize> Section<N> {
             ..path_segment
         });
         self.length += path_segment.curve.length();
+        // Its move goes on, though others of that curve end first.
+        let goes_on = |end: &MoveEnd| end.tag == path_segment.tag;
+        if self.ends.back().is_some_and(goes_on) {
+            self.ends.pop_back();
+        }
         let at = |end: &MoveEnd| MoveEnd {
             at: start + end.at,
             ..*end
         };
         self.ends.extend(ends.iter().map(at));
-        if self
-            .ends
-            .back()
-            .is_some_and(|end| end.tag == path_segment.tag)
-        {
-            self.ends.pop_back();
-        }
         self.ends.push_back(MoveEnd {
             tag: path_segment.tag,
             at: self.length,
         });
+    }
+
+    /// The last so many mm are the rounding behind a move: that one ends in it, and others besides, at these distances from
+    /// where it begins.
+    pub(super) fn end_in_rounding(&mut self, length: f64, ends: &[MoveEnd]) {
+        let start = self.length - length;
+        self.ends.pop_back();
+        self.ends.extend(ends.iter().map(|end| MoveEnd {
+            at: start + end.at,
+            ..*end
+        }));
     }
 
     /// No more path segments come. It is kept for as long as it can be retraced, without room for others.
