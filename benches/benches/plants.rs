@@ -71,6 +71,7 @@ fn mechanics(criterion: &mut Criterion) {
                     let torque = 2.4 * (phase - 0.5).abs() - 0.6;
                     let load = Load {
                         torque,
+                        outside: 0.0,
                         brake_open: true,
                         blocked: false,
                     };

@@ -43,7 +43,7 @@ pub use frame::{Frame, Transmit};
 pub use id::{CanId, CobId, NodeId};
 pub use time::Instant;
 
-/// The bit rates that CiA 301 recommends, bit/s.
+/// Bit rates of a CANopen network, bit/s: those that CiA 301 recommends, and 100 kbit/s, which devices from before it take.
 pub const BIT_RATES: &[u32] = &[
-    10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
+    10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
 ];

@@ -1,6 +1,7 @@
 //! Network management (CiA 301): the master's commands and a node's state.
 
 use crate::{CanId, CobId, Frame, NodeId};
+use core::fmt;
 
 /// What an NMT master commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -30,6 +31,18 @@ impl Command {
             0x82 => Some(Self::ResetCommunication),
             _ => None,
         }
+    }
+}
+
+impl fmt::Display for Command {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Start => "Start",
+            Self::Stop => "Stop",
+            Self::EnterPreOperational => "Enter Pre-operational",
+            Self::ResetNode => "Reset node",
+            Self::ResetCommunication => "Reset communication",
+        })
     }
 }
 
@@ -73,6 +86,15 @@ impl Request {
     #[must_use]
     pub fn addresses(self, node: NodeId) -> bool {
         self.node.is_none_or(|addressed| addressed == node)
+    }
+}
+
+impl fmt::Display for Request {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.node {
+            None => write!(f, "{} to all nodes", self.command),
+            Some(node) => write!(f, "{} to node {node}", self.command),
+        }
     }
 }
 

@@ -1,13 +1,13 @@
 //! Whether a machine's frames fit its cycle: each bus's budget, and when the setpoints leave.
 
 use crate::bus::BURST_CAPACITY;
-use crate::machine::{Machine, Node, Seat};
+use crate::machine::{Machine, Node, POLL, STATE_POLL, Seat};
 use std::fmt;
 use std::ops::RangeInclusive;
 use std::time::Duration;
 use syncline_canopen::budget::{BLOCKING_BITS, Budget, Direction, Pdo, Traffic, Verdict};
 use syncline_canopen::response_time::bit_time;
-use syncline_canopen::{CobId, Frame, guarding};
+use syncline_canopen::{BIT_RATES, CobId, Frame, guarding};
 use syncline_drives::bus::frame_bits;
 use syncline_drives::model::{Device, Increments, Monitoring, PowerCommand, Setpoint};
 use thiserror::Error;
@@ -37,11 +37,15 @@ pub struct BusBudget {
     /// By how much SYNC may come late for the clocks of all its drives to follow it, if any has one that
     /// does.
     pub sync_tolerance: Option<Duration>,
-    /// One of its devices is asked by SDO while axes move, so that a frame more than the PDOs has to fit every
-    /// cycle.
-    pub is_polled: bool,
+    /// Its devices that are asked by SDO while axes move, so that a frame more than the PDOs has to fit every
+    /// cycle, and each has its turn often enough.
+    pub polled: Vec<String>,
     /// The least cycle that fits and that all its drives take.
     pub smallest_cycle: Option<Duration>,
+    /// So many of those that are polled the cycle has room for beside the other devices, where not for all of them.
+    pub most_polled: usize,
+    /// The least higher bit rate that all its devices take and that fits this cycle.
+    pub higher_bit_rate: Option<u32>,
 }
 
 /// All of a machine's buses, and the one instant of the cycle that they share.
@@ -52,8 +56,6 @@ pub struct MachineBudget {
     /// From SYNC to receiving, supervising and sending the setpoints: the machine file's, or the
     /// latest of the buses' defaults.
     pub setpoint_offset: Duration,
-    /// Whether the machine file says that.
-    is_stated: bool,
     /// From SYNC, the last instant at which every bus's burst still begins before the next one.
     pub latest_burst: Duration,
 }
@@ -102,14 +104,49 @@ pub enum DoesNotFit {
         /// … and not longer may it be.
         tolerance: Duration,
     },
-    /// A device is polled while axes move, and its answer may be in the way of the setpoints.
+    /// Devices are polled while axes move, and the request for one or its answer may be in the way of SYNC or the setpoints.
     #[error(
-        "bus {bus}: a device on it is polled by SDO while axes move, and there is no room in a cycle for \
-         request and answer beside the setpoints; take a longer cycle, a higher bit rate or a bus of its own for it"
+        "bus {bus}: {devices}, asked by SDO while axes move: a request behind the setpoints is out {} after SYNC, in a cycle of {}{}, \
+         so that there is no room for request and answer; {advice}, or take a bus of its own for each",
+        Millis(*.request_out), Millis(*.cycle),
+        if *.outlasts_answer { "" } else { ", and the answer may make a T_PDO or a setpoint late" }
     )]
     Polls {
         /// As the machine file names it.
         bus: String,
+        /// Which they are.
+        devices: String,
+        /// When a request is out, after SYNC.
+        request_out: Duration,
+        /// It has to be out by then.
+        cycle: Duration,
+        /// A cycle has room for the answer.
+        outlasts_answer: bool,
+        /// What would fit.
+        advice: String,
+    },
+    /// There are more devices to poll than have their turn often enough.
+    #[error(
+        "bus {bus}: {devices}, asked by SDO for their positions every {} ms and their states every {} ms: a cycle of {} has room for \
+         {transfers} of their answers, so that each has its turn every {}, and needs one every {}; {advice}; in this cycle the bus has \
+         room for {most} of them",
+        POLL.as_millis(), STATE_POLL.as_millis(), Millis(*.cycle), Millis(*.turn), Millis(LONGEST_TURN)
+    )]
+    Turns {
+        /// As the machine file names it.
+        bus: String,
+        /// Which they are.
+        devices: String,
+        /// From one time that a device is asked to the next is a multiple of this.
+        cycle: Duration,
+        /// So many are asked in one.
+        transfers: usize,
+        /// How often each has its turn.
+        turn: Duration,
+        /// What would fit.
+        advice: String,
+        /// So many of them would.
+        most: usize,
     },
     /// The machine file's `setpoint_offset_us` leaves too little time before it or behind it.
     #[error(
@@ -161,6 +198,14 @@ pub enum DoesNotFit {
     },
 }
 
+/// A device that is polled is asked for its position and for its state, one at a time: it needs a turn so often on average. One
+/// that is due waits for the others, and its position for its state: with turns no longer than this two positions are less
+/// than [`POLL`] and two turns apart, so less than the 50 ms for which an axis has to stand to be taken to rest.
+const LONGEST_TURN: Duration = {
+    let (position, state) = (POLL.as_nanos() as u64, STATE_POLL.as_nanos() as u64);
+    Duration::from_nanos(position * state / (position + state))
+};
+
 /// Devices on a bus at the most: in one cycle each may be told an NMT command and asked by SDO, beside a heartbeat.
 const MOST_DEVICES: usize = (BURST_CAPACITY - 1) / 2;
 
@@ -171,16 +216,14 @@ impl MachineBudget {
         let mut buses: Vec<BusBudget> = (0..machine.buses.len())
             .map(|bus| BusBudget::of(machine, bus))
             .collect();
-        let default = buses.iter().map(|bus| bus.budget.setpoint_offset).max();
         let latest = buses.iter().map(|bus| bus.budget.latest_burst).min();
         let stated = machine.controller.setpoint_offset;
-        let setpoint_offset = stated.or(default).unwrap_or_default();
+        let setpoint_offset = stated.unwrap_or_else(|| default_offset(&buses));
         for bus in &mut buses {
             bus.verdict = verdict(&bus.budget, setpoint_offset, bus.sync_tolerance);
         }
         Self {
             setpoint_offset,
-            is_stated: stated.is_some(),
             latest_burst: latest.unwrap_or(machine.cycle),
             buses,
         }
@@ -228,37 +271,9 @@ impl MachineBudget {
                 });
             }
         }
-        let mut others = self.buses.iter();
-        let latest = others.find(|it| it.budget.setpoint_offset == self.setpoint_offset);
+        self.check_offset()?;
         for bus in &self.buses {
-            let earliest = bus.budget.t_pdos_in.min(bus.budget.setpoint_offset);
-            let allowed = earliest..=bus.budget.latest_offset;
-            if !allowed.contains(&self.setpoint_offset)
-                && !self.is_stated
-                && let Some(other) = latest
-            {
-                return Err(DoesNotFit::Apart {
-                    bus: bus.bus.clone(),
-                    latest: bus.budget.latest_offset,
-                    other: other.bus.clone(),
-                    needed: other.budget.t_pdos_in,
-                });
-            }
-            if !allowed.contains(&self.setpoint_offset) {
-                return Err(DoesNotFit::Offset {
-                    bus: bus.bus.clone(),
-                    offset: self.setpoint_offset,
-                    earliest: *allowed.start(),
-                    latest: *allowed.end(),
-                });
-            }
-            let request_out = bus.budget.request_out(self.setpoint_offset);
-            // The request leaves in the cycle's rest, and its answer is in the way like an EMCY.
-            let holds_polls = bus.budget.outlasts_emcy && request_out <= bus.budget.cycle;
-            if bus.is_polled && !holds_polls {
-                let bus = bus.bus.clone();
-                return Err(DoesNotFit::Polls { bus });
-            }
+            bus.check_polls(self.setpoint_offset)?;
             if let Some(tolerance) = bus.sync_tolerance
                 && requests_delay_sync(&bus.budget, self.setpoint_offset, tolerance)
             {
@@ -273,6 +288,84 @@ impl MachineBudget {
         }
         Ok(())
     }
+}
+
+/// The buses whose T_PDOs are in last and whose setpoints have to leave first, each with when that is.
+fn window(buses: &[BusBudget]) -> Option<[(&BusBudget, Duration); 2]> {
+    let in_last = buses.iter().map(|bus| (bus, earliest_offset(&bus.budget)));
+    let leaves_first = buses.iter().map(|bus| (bus, latest_offset(&bus.budget)));
+    Some([
+        in_last.max_by_key(|(_, at)| *at)?,
+        leaves_first.min_by_key(|(_, at)| *at)?,
+    ])
+}
+
+/// The first whole microsecond at which a bus's T_PDOs are in.
+fn earliest_offset(budget: &Budget) -> Duration {
+    let micros = budget.t_pdos_in.as_nanos().div_ceil(1000);
+    Duration::from_micros(micros as u64)
+}
+
+/// The last whole microsecond at which its setpoints may leave.
+fn latest_offset(budget: &Budget) -> Duration {
+    Duration::from_micros(budget.latest_offset.as_micros() as u64)
+}
+
+/// When the setpoints leave all buses: as the slowest of them would have it, or else, as each bus has it alone, in the middle
+/// of what all of them take.
+fn default_offset(buses: &[BusBudget]) -> Duration {
+    let slowest = buses.iter().map(|bus| bus.budget.setpoint_offset).max();
+    let slowest = slowest.unwrap_or_default();
+    match window(buses) {
+        Some([(_, earliest), (_, latest)])
+            if earliest <= latest && !(earliest..=latest).contains(&slowest) =>
+        {
+            let middle = earliest + (latest - earliest) / 2;
+            Duration::from_micros(middle.as_micros() as u64)
+        }
+        _ => slowest,
+    }
+}
+
+impl MachineBudget {
+    /// Whether the setpoints leave when every bus's T_PDOs are in and its burst has time.
+    fn check_offset(&self) -> Result<(), DoesNotFit> {
+        let Some([(last, earliest), (first, latest)]) = window(&self.buses) else {
+            return Ok(());
+        };
+        if earliest > latest {
+            return Err(DoesNotFit::Apart {
+                bus: first.bus.clone(),
+                latest,
+                other: last.bus.clone(),
+                needed: earliest,
+            });
+        }
+        let offset = self.setpoint_offset;
+        if !(earliest..=latest).contains(&offset) {
+            let which = if offset < earliest { last } else { first };
+            return Err(DoesNotFit::Offset {
+                bus: which.bus.clone(),
+                offset,
+                earliest,
+                latest,
+            });
+        }
+        Ok(())
+    }
+}
+
+/// Whether a request by SDO that leaves behind setpoints at that offset, and its answer, are never in the way.
+fn has_room_for_poll(budget: &Budget, setpoint_offset: Duration) -> bool {
+    // The request leaves in the cycle's rest, and its answer is in the way like an EMCY.
+    budget.outlasts_emcy && budget.request_out(setpoint_offset) <= budget.cycle
+}
+
+/// How often each of so many devices has its turn, of which so many are asked in a cycle, where that is too seldom. One that is
+/// asked in every cycle cannot be asked more often.
+fn long_turn(devices: usize, transfers: usize, cycle: Duration) -> Option<Duration> {
+    let turn = cycle * devices.div_ceil(transfers) as u32;
+    (devices > transfers && turn > LONGEST_TURN).then_some(turn)
 }
 
 /// Whether a request by SDO that leaves behind the setpoints may keep SYNC from the drives for longer than
@@ -313,23 +406,59 @@ impl BusBudget {
             .clone()
             .filter_map(|device| device.spec().clock_lock);
         let sync_tolerance = locks.map(|lock| lock.tolerance).min();
-        let is_on_time = |cycle: &Duration| {
-            let budget = traffic.in_cycle(*cycle).budget();
+        let answers = devices.map(|device| device.spec().sdo_response);
+        let answer = answers.max().unwrap_or_default();
+        // One at a time of each node.
+        let transfers = |budget: &Budget, nodes: usize| budget.sdo_transfers(answer).min(nodes);
+        let sdo_per_cycle = transfers(&budget, nodes.len().max(1));
+        let is_polled = |(_, device): &(Node<'_>, Device)| {
+            matches!(device.spec().monitoring, Monitoring::Poll(_))
+        };
+        let name = |(node, _): &(Node<'_>, Device)| format!("{} ({})", node.name, node.model.title);
+        let polled = nodes.iter().filter(|it| is_polled(it)).map(name);
+        let polled: Vec<String> = polled.collect();
+        let is_on_time = |traffic: &Traffic, polled: usize| {
+            let budget = traffic.budget();
             let stated = machine.controller.setpoint_offset;
             let offset = stated.unwrap_or(budget.setpoint_offset);
-            !sync_tolerance.is_some_and(|most| requests_delay_sync(&budget, offset, most))
+            let transfers = transfers(&budget, traffic.nodes.len().max(1));
+            let polls_hold = polled == 0
+                || has_room_for_poll(&budget, offset)
+                    && long_turn(polled, transfers, budget.cycle).is_none();
+            budget.verdict != Verdict::DoesNotFit
+                && polls_hold
+                && !sync_tolerance.is_some_and(|most| requests_delay_sync(&budget, offset, most))
         };
         let cycles = (1..=LONGEST_CYCLE_MS)
             .map(Duration::from_millis)
             .filter(taken_by_all)
-            .filter(is_on_time);
-        let is_polled =
-            (devices.clone()).any(|device| matches!(device.spec().monitoring, Monitoring::Poll(_)));
-        let answers = devices.map(|device| device.spec().sdo_response);
-        let transfers = budget.sdo_transfers(answers.max().unwrap_or_default());
-        // One at a time of each node.
-        let sdo_per_cycle = transfers.min(nodes.len().max(1));
-        let poll = match is_polled {
+            .filter(|cycle| is_on_time(&traffic.in_cycle(*cycle), polled.len()));
+        let mut rates = BIT_RATES.iter().copied().filter(|rate| {
+            let mut models = nodes.iter().map(|(node, _)| node.model);
+            *rate > traffic.bit_rate && models.all(|model| model.bitrates.contains(rate))
+        });
+        let at_rate = |bit_rate| Traffic {
+            bit_rate,
+            ..traffic.clone()
+        };
+        let higher_bit_rate = rates.find(|rate| is_on_time(&at_rate(*rate), polled.len()));
+        // Without the last of them.
+        let with_polled = |count: usize| {
+            let mut left = count;
+            let stays = nodes.iter().map(|it| {
+                let stays = !is_polled(it) || left > 0;
+                left -= usize::from(is_polled(it) && stays);
+                stays
+            });
+            let kept = traffic.nodes.iter().zip(stays).filter(|(_, stays)| *stays);
+            Traffic {
+                nodes: kept.map(|(node, _)| node.clone()).collect(),
+                ..traffic.clone()
+            }
+        };
+        let mut fewer = (1..polled.len()).rev();
+        let most_polled = fewer.find(|count| is_on_time(&with_polled(*count), *count));
+        let poll = match !polled.is_empty() {
             true => bit_time(2 * BLOCKING_BITS, budget.bit_rate),
             false => Duration::ZERO,
         };
@@ -339,23 +468,68 @@ impl BusBudget {
             load_in_motion: budget.load + poll,
             load: budget.load + sdo,
             sdo_per_cycle,
-            is_polled,
             sync_tolerance,
             verdict: budget.verdict,
-            budget,
             typical_load: typical_load(machine, &nodes, traffic.bit_rate),
             smallest_cycle: traffic.smallest_cycle(cycles),
+            higher_bit_rate,
+            most_polled: most_polled.unwrap_or(0),
+            polled,
+            budget,
             traffic,
+        }
+    }
+
+    /// Whether what is asked by SDO while axes move has room, and its turn often enough.
+    fn check_polls(&self, setpoint_offset: Duration) -> Result<(), DoesNotFit> {
+        let Self { budget, polled, .. } = self;
+        let (bus, devices, cycle) = (self.bus.clone(), polled.join(", "), budget.cycle);
+        if polled.is_empty() {
+            return Ok(());
+        }
+        if !has_room_for_poll(budget, setpoint_offset) {
+            return Err(DoesNotFit::Polls {
+                bus,
+                devices,
+                request_out: budget.request_out(setpoint_offset),
+                cycle,
+                outlasts_answer: budget.outlasts_emcy,
+                advice: self.other_cycle(),
+            });
+        }
+        let transfers = self.sdo_per_cycle;
+        if let Some(turn) = long_turn(polled.len(), transfers, cycle) {
+            return Err(DoesNotFit::Turns {
+                bus,
+                devices,
+                cycle,
+                transfers,
+                turn,
+                advice: self.other_cycle(),
+                most: self.most_polled,
+            });
+        }
+        Ok(())
+    }
+
+    /// The least cycle that fits, or else the least higher bit rate.
+    fn other_cycle(&self) -> String {
+        match (self.smallest_cycle, self.higher_bit_rate) {
+            (Some(cycle), _) => format!("the least cycle that fits is {}", Millis(cycle)),
+            (None, Some(rate)) => format!(
+                "no cycle that its drives take fits; the least bit rate that fits is {} kbit/s",
+                rate / 1000
+            ),
+            (None, None) => {
+                "neither a cycle nor a higher bit rate that its drives take fits".to_owned()
+            }
         }
     }
 
     /// What would fit, or fit better, in words.
     #[must_use]
     pub fn advice(&self) -> String {
-        let cycle = match self.smallest_cycle {
-            Some(cycle) => format!("the least cycle that fits is {}", Millis(cycle)),
-            None => "no cycle that its drives take fits".into(),
-        };
+        let cycle = self.other_cycle();
         let budgets = self.traffic.on_two_buses().map(|half| half.budget());
         let [most, _] = &budgets;
         let verdicts = (budgets.each_ref())
@@ -553,6 +727,7 @@ impl fmt::Display for BusBudget {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
     use std::path::Path;
 
     fn machine(drives: u32, cycle_us: u32, setpoint_offset: &str) -> Machine {
@@ -629,6 +804,156 @@ mod tests {
             assert!(told.contains("bus slow"), "{told}");
             assert!(!told.contains("setpoint_offset_us"), "{told}");
         }
+    }
+
+    fn parsed(file: &str) -> Machine {
+        Machine::parse(Path::new("m.toml"), file).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    /// Two buses, the slow one with an encoder alone: there are offsets that both take, and neither's own is one.
+    const APART: &str = "[machine]\nname = \"a\"\ncycle_us = 5000\n\
+        [[bus]]\nname = \"slow\"\nbitrate = 125_000\n[[bus]]\nname = \"fast\"\nbitrate = 500_000\n\
+        [[drive]]\nname = \"X\"\nbus = \"fast\"\nnode = 1\nmodel = \"tlc5xx\"\n\
+        [[drive]]\nname = \"Z\"\nbus = \"fast\"\nnode = 2\nmodel = \"tsp10\"\n\
+        [[encoder]]\nname = \"e\"\nbus = \"slow\"\nnode = 3\nmodel = \"twk_crn\"\npitch = 10.0\n\
+        [[axis]]\nname = \"X\"\ndrives = [\"X\"]\npitch = 10.0\nmax_velocity = 50.0\nmax_acceleration = 400.0\n\
+        max_jerk = 20_000.0\nsoft_limits = [-300.0, 0.0]\nfollowing_error_limit = 1.0\n\
+        [[axis]]\nname = \"Z\"\ndrives = [\"Z\"]\npitch = 10.0\nmax_velocity = 50.0\nmax_acceleration = 400.0\n\
+        max_jerk = 20_000.0\nsoft_limits = [-300.0, 0.0]\nfollowing_error_limit = 1.0\nfeedback = \"e\"\n\
+        difference_limit = 0.2\n";
+
+    #[test]
+    fn buses_share_an_offset_that_none_would_have_alone() {
+        let budget = MachineBudget::of(&parsed(APART));
+        assert_eq!(budget.check(), Ok(()));
+        let own = budget.buses.iter().map(|bus| bus.budget.setpoint_offset);
+        let own: Vec<_> = own.collect();
+        let micros = Duration::from_micros;
+        assert_eq!(own, [3910, 2410].map(micros));
+        // T_PDOs of the slow one come until 2540 µs, and setpoints on the other one have to leave at 2800 µs.
+        assert_eq!(budget.setpoint_offset, micros(2670));
+    }
+
+    proptest! {
+        /// Buses are refused as too far apart where there is no offset that each of them takes, and only there; else the default is
+        /// one.
+        #[test]
+        fn buses_are_apart_where_they_take_no_offset_in_common(
+            drives in prop::collection::vec((0..3usize, prop::sample::select(vec!["lxm32m", "cia402_csp", "tlc5xx"])), 2..7),
+            kbit in prop::array::uniform3(prop::sample::select(vec![125u32, 250, 500, 1000])),
+            cycle_ms in 2..16u32,
+        ) {
+            let mut machine = machine(drives.len() as u32, cycle_ms * 1000, "");
+            let bus = |kbit: u32| super::super::machine::Bus {
+                name: format!("{kbit}"),
+                bitrate: kbit * 1000,
+                ..machine.buses[0].clone()
+            };
+            machine.buses = kbit.map(bus).to_vec();
+            for (drive, (bus, model)) in machine.drives.iter_mut().zip(drives) {
+                drive.bus = bus;
+                drive.model = syncline_drives::model::Model::by_name(model).unwrap();
+            }
+            let budget = MachineBudget::of(&machine);
+            prop_assume!(budget.buses.iter().all(|bus| bus.budget.verdict != Verdict::DoesNotFit));
+            let takes = |bus: &BusBudget, offset: Duration| {
+                (bus.budget.t_pdos_in..=bus.budget.latest_offset).contains(&offset)
+            };
+            let offsets = (0..=u64::from(cycle_ms) * 1000).map(Duration::from_micros);
+            let mut common = offsets.filter(|offset| budget.buses.iter().all(|bus| takes(bus, *offset)));
+            let is_apart = matches!(budget.check(), Err(DoesNotFit::Apart { .. }));
+            prop_assert_eq!(is_apart, common.next().is_none());
+            let offset = budget.setpoint_offset;
+            prop_assert!(is_apart || budget.buses.iter().all(|bus| takes(bus, offset)), "{:?}", offset);
+        }
+    }
+
+    /// So many TSP10-CBE on one bus, and an encoder.
+    fn steppers(count: usize, cycle_us: u32) -> MachineBudget {
+        let mut file = format!(
+            "[machine]\nname = \"s\"\ncycle_us = {cycle_us}\n[[bus]]\nname = \"b\"\nbitrate = 1_000_000\n\
+             [[encoder]]\nname = \"e\"\nbus = \"b\"\nnode = 40\nmodel = \"twk_crn\"\npitch = 10.0\n"
+        );
+        for (place, axis) in ["X", "Y", "Z", "U", "V", "W", "A"][..count]
+            .iter()
+            .enumerate()
+        {
+            let at_home = match place {
+                0 => "feedback = \"e\"\ndifference_limit = 0.3\n",
+                _ => "homing = { kind = \"set_here\" }\n",
+            };
+            file += &format!(
+                "[[drive]]\nname = \"D{place}\"\nbus = \"b\"\nnode = {}\nmodel = \"tsp10\"\n\
+                 [[axis]]\nname = \"{axis}\"\ndrives = [\"D{place}\"]\npitch = 10.0\nmax_velocity = 20.0\n\
+                 max_acceleration = 100.0\nmax_jerk = 2000.0\nsoft_limits = [-300.0, 300.0]\n\
+                 following_error_limit = 1.0\n{at_home}",
+                place + 1
+            );
+        }
+        MachineBudget::of(&parsed(&file))
+    }
+
+    #[test]
+    fn devices_that_are_polled_too_seldom_are_refused() {
+        let told = steppers(5, 10_000).check().unwrap_err().to_string();
+        insta::assert_snapshot!(told);
+        assert!(matches!(
+            steppers(7, 12_000).check(),
+            Err(DoesNotFit::Turns { .. })
+        ));
+        for count in 1..=7 {
+            for cycle_ms in 2..=20 {
+                let budget = steppers(count, cycle_ms * 1000);
+                let told = budget.check();
+                let transfers = budget.buses[0].sdo_per_cycle;
+                // Requests in a cycle, each for 20 ms or 50 ms of it.
+                let asked = count as f64 * f64::from(cycle_ms) * (1.0 / 20.0 + 1.0 / 50.0);
+                let is_too_much = asked > transfers as f64 && count > transfers;
+                match &told {
+                    Ok(()) => assert!(!is_too_much, "{count} at {cycle_ms} ms"),
+                    Err(DoesNotFit::Turns { .. }) => assert!(count > transfers),
+                    // No room at all.
+                    Err(DoesNotFit::Bus { .. } | DoesNotFit::Polls { .. }) => {}
+                    Err(other) => panic!("{count} at {cycle_ms} ms: {other}"),
+                }
+                // What is advised is taken.
+                if let Err(DoesNotFit::Turns { most, .. }) = told {
+                    let cycle = budget.buses[0]
+                        .smallest_cycle
+                        .map(|it| it.as_micros() as u32);
+                    assert!(cycle.is_none_or(|cycle| steppers(count, cycle).check().is_ok()));
+                    let fewer = (most > 0).then(|| steppers(most, cycle_ms * 1000).check());
+                    assert!(
+                        fewer.as_ref().is_none_or(Result::is_ok),
+                        "{most} of {count} at {cycle_ms} ms: {fewer:?}"
+                    );
+                }
+            }
+        }
+    }
+
+    /// A bus without room for one request names the devices and the cycle that has room.
+    #[test]
+    fn a_bus_without_room_for_polls_names_the_devices() {
+        let told = steppers(1, 2250).check().unwrap_err().to_string();
+        insta::assert_snapshot!(told);
+    }
+
+    /// Where no cycle fits, the bit rate that does is named.
+    #[test]
+    fn the_bit_rate_that_fits_is_named() {
+        let file = "[machine]\nname = \"a\"\ncycle_us = 20_000\n[[bus]]\nname = \"b\"\nbitrate = 10_000\n\
+            [[drive]]\nname = \"X\"\nbus = \"b\"\nnode = 1\nmodel = \"cia402_csp\"\n\
+            [[axis]]\nname = \"X\"\ndrives = [\"X\"]\npitch = 10.0\nmax_velocity = 50.0\nmax_acceleration = 400.0\n\
+            max_jerk = 20_000.0\nsoft_limits = [-300.0, 0.0]\nfollowing_error_limit = 1.0\n";
+        let told = MachineBudget::of(&parsed(file))
+            .check()
+            .unwrap_err()
+            .to_string();
+        let advice = "no cycle that its drives take fits; the least bit rate that fits is 50 kbit/s; on two buses it is";
+        assert!(told.contains(advice), "{told}");
+        let faster = file.replace("10_000", "50_000");
+        assert_eq!(MachineBudget::of(&parsed(&faster)).check(), Ok(()));
     }
 
     #[test]

@@ -96,6 +96,7 @@ fn only_what_is_used_comes_in_and_echoes_are_told_from_strangers() {
         .unwrap();
     say(0x080, &[]);
     say(0x77F, &[5]);
+    say(0x000, &[2, 5]);
     let received = receive(&mut port);
     let after = realtime::now();
 
@@ -111,14 +112,16 @@ fn only_what_is_used_comes_in_and_echoes_are_told_from_strangers() {
             (0x080, true),
             (0x301, true),
             (0x302, true),
+            (0x000, true),
             (0x77F, true),
             (0x080, false),
-            (0x77F, false)
+            (0x77F, false),
+            (0x000, false)
         ]
     );
     assert_eq!(received[0].frame.data(), [1, 2]);
     assert!(received.is_sorted_by_key(|it| it.at));
-    assert!(before <= received[0].at && received[7].at <= after);
+    assert!(before <= received[0].at && received[9].at <= after);
     assert_eq!(port.stamps(), StampSource::Software);
 
     let everything = CanSocket::open(vcan.0).unwrap();

@@ -32,6 +32,7 @@
 //! # Ok::<(), &str>(())
 //! ```
 
+mod dc_link;
 mod enable_chain;
 mod probe;
 
@@ -39,6 +40,7 @@ use crate::bus::{Band, BitRate, Node, Received, SimBus, Transmission};
 use crate::mechanics::{Load, Mechanics, Motion};
 use crate::twin::SimulatedDevice;
 use crate::twin::servo::shaft::Shaft;
+use dc_link::DcLink;
 use enable_chain::Chain;
 use probe::Probing;
 use syncline_canopen::time::Duration;
@@ -140,7 +142,7 @@ impl World {
     /// before time passes: an encoder on the axis. It takes no torque.
     ///
     /// At each point of the world's grid it is where the load is, behind the motor by twist and play and
-    /// off by the lead error; in between it goes on with the
+    /// off by lead error and expansion; in between it goes on with the
     /// velocity that it had, which under an acceleration `a` is wrong by at most `a h²/2` after `h`
     /// seconds.
     ///
@@ -192,6 +194,19 @@ impl World {
         self.couplings.chains.push(Chain::new(chain));
     }
 
+    /// Joins the DC buses of these drives, before time passes; of those that have a power stage. They have one voltage at each point
+    /// of the world's grid.
+    pub fn join_dc_buses(&mut self, devices: Vec<DeviceId>) {
+        self.couplings.links.push(DcLink { devices });
+    }
+
+    /// Pushes from now on at what a device moves, with a torque in N·m at its shaft; nothing at one that has no shaft.
+    pub fn push(&mut self, device: DeviceId, torque: f64) {
+        if let Some(shaft) = self.device_mut(device).shaft_mut() {
+            shaft.push(torque);
+        }
+    }
+
     /// The device with this node id on a bus, by that bus' place in the order in which they were added.
     #[must_use]
     pub fn find(&self, bus: usize, node: NodeId) -> Option<DeviceId> {
@@ -216,6 +231,11 @@ impl World {
     /// Queues a frame of the controller at the present instant.
     pub fn send(&mut self, bus: BusId, band: Band, frame: Frame) {
         self.buses[bus.0].wire.send(band, frame);
+    }
+
+    /// Queues a frame of nobody that is attached, as of another master, at the present instant.
+    pub fn intrude(&mut self, bus: BusId, frame: Frame) {
+        self.buses[bus.0].wire.intrude(frame);
     }
 
     /// The next frame that came to the controller on that bus, its own included.
@@ -329,6 +349,11 @@ impl Hosted {
         self.couplings.chains.push(Chain::new(chain));
     }
 
+    /// Joins the DC buses of drives, as [`World::join_dc_buses`] does.
+    pub fn join_dc_buses(&mut self, devices: Vec<DeviceId>) {
+        self.couplings.links.push(DcLink { devices });
+    }
+
     /// The device at a place among those that it was made of.
     #[must_use]
     pub fn at(place: usize) -> DeviceId {
@@ -392,6 +417,7 @@ struct Couplings {
     followers: Vec<Follower>,
     probes: Vec<Probing>,
     chains: Vec<Chain>,
+    links: Vec<DcLink>,
 }
 
 /// A shaft that another one turns.
@@ -427,6 +453,7 @@ impl Couplings {
             followers: Vec::new(),
             probes: Vec::new(),
             chains: Vec::new(),
+            links: Vec::new(),
         }
     }
 
@@ -435,6 +462,7 @@ impl Couplings {
             && self.followers.is_empty()
             && self.probes.is_empty()
             && self.chains.is_empty()
+            && self.links.is_empty()
     }
 
     /// The next point of the grid, if anything moves on it.
@@ -503,6 +531,9 @@ impl Couplings {
             }
             for chain in &mut self.chains {
                 chain.step(self.next, devices);
+            }
+            for link in &self.links {
+                link.step(self.next, devices);
             }
             self.next += self.step;
         }

@@ -99,7 +99,7 @@ pub enum Action {
     /// The spindle is to be in this state from here on (M3, M4, M5, S).
     Spindle(Spindle),
     /// The coolant is to be in this state from here on (M7, M8, M9).
-    Coolant(Coolant),
+    Coolant(CoolantChange),
     /// This tool is in the spindle from here on, without a change (M61); 0: none.
     ToolLoaded(u32),
     /// The tool that the next change loads (T).
@@ -540,6 +540,51 @@ pub struct Coolant {
     pub mist: bool,
     /// M8
     pub flood: bool,
+}
+
+/// What a code makes of the coolant; `None` leaves it as it is, whoever has switched it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CoolantChange {
+    /// M7, M9
+    pub mist: Option<bool>,
+    /// M8, M9
+    pub flood: Option<bool>,
+}
+
+impl CoolantChange {
+    /// M9
+    pub const OFF: Self = Self {
+        mist: Some(false),
+        flood: Some(false),
+    };
+
+    /// What makes one of the other: no more than that.
+    pub(crate) fn between(before: Coolant, then: Coolant) -> Self {
+        let unlike = |before, then| (before != then).then_some(then);
+        Self {
+            mist: unlike(before.mist, then.mist),
+            flood: unlike(before.flood, then.flood),
+        }
+    }
+
+    /// What runs behind it.
+    #[must_use]
+    pub fn of(self, before: Coolant) -> Coolant {
+        Coolant {
+            mist: self.mist.unwrap_or(before.mist),
+            flood: self.flood.unwrap_or(before.flood),
+        }
+    }
+}
+
+/// That and nothing else is to run.
+impl From<Coolant> for CoolantChange {
+    fn from(Coolant { mist, flood }: Coolant) -> Self {
+        Self {
+            mist: Some(mist),
+            flood: Some(flood),
+        }
+    }
 }
 
 /// How the path is followed.

@@ -1,8 +1,11 @@
 //! Where a program is begun in its middle: at a line, or behind so many of its commands. What brings the machine
 //! into the state of that place is an [`Entry`].
 
+use super::Setup;
 use super::axes::Point;
-use super::command::{Action, Coolant, Output, Outputs, PathMode, Spindle, Stop, Way};
+use super::command::{
+    Action, Coolant, CoolantChange, Output, Outputs, PathMode, Spindle, Stop, Way,
+};
 use super::modal::Modes;
 use super::outputs::PassedOutputs;
 use super::probe::Probed;
@@ -73,15 +76,16 @@ pub(crate) struct Passed {
 }
 
 impl Passed {
-    /// None, of a program that begins at `start` in these modes and with these outputs.
-    pub(crate) fn new(start: Point, initial: &Modes, outputs: Outputs) -> Self {
+    /// None, of a program that begins there.
+    pub(crate) fn new(start: Point, setup: &Setup) -> Self {
+        let initial = &setup.memory.modes;
         Self {
-            outputs: PassedOutputs::new(start, outputs),
+            outputs: PassedOutputs::new(start, setup.outputs),
             effect: InEffect {
                 tool: initial.tool,
                 spindle: initial.spindle,
-                coolant: initial.coolant,
-                outputs,
+                coolant: setup.coolant,
+                outputs: setup.outputs,
             },
             selected_tool: initial.selected_tool,
             path_mode: initial.path_mode,
@@ -106,7 +110,7 @@ impl Passed {
             }
             Action::SelectTool(tool) => self.selected_tool = *tool,
             Action::Spindle(spindle) => self.effect.spindle = *spindle,
-            Action::Coolant(coolant) => self.effect.coolant = *coolant,
+            Action::Coolant(change) => self.effect.coolant = change.of(self.effect.coolant),
             Action::PathMode(mode) => self.path_mode = *mode,
             _ => {}
         }
@@ -142,7 +146,8 @@ impl Passed {
             (tool != now.tool).then_some(tool_change),
             (selected_tool != initial.selected_tool).then_some(Action::SelectTool(selected_tool)),
             (effect.spindle != now.spindle).then_some(Action::Spindle(spindle)),
-            (effect.coolant != now.coolant).then_some(Action::Coolant(effect.coolant)),
+            (effect.coolant != now.coolant)
+                .then(|| Action::Coolant(CoolantChange::between(now.coolant, effect.coolant))),
         ];
         let set_up = set_up.into_iter().flatten();
         let outputs_first = outputs.outputs.unlike(&now.outputs).map(Action::Output);

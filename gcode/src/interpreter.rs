@@ -387,7 +387,7 @@ impl Interpreter {
     /// No command yet.
     fn passed_none(&self) -> Passed {
         let setup = &self.state.setup;
-        Passed::new(self.state.at, &setup.memory.modes, setup.outputs)
+        Passed::new(self.state.at, setup)
     }
 
     fn pass_to<'a>(

@@ -53,9 +53,9 @@ mod words;
 pub use arc::{Arc, Direction, Plane, RADIUS_RATIO, RADIUS_TOLERANCE};
 pub use axes::{AxisLetter, AxisSet, Point};
 pub use command::{
-    ANALOG_INPUTS, ANALOG_OUTPUTS, Action, Command, Coolant, DIGITAL_INPUTS, DIGITAL_OUTPUTS, Feed,
-    InputWait, Orientation, Output, Outputs, PathMode, Probe, Span, Spindle, Stop, Surface,
-    TakenInput, Turning, Until, Way,
+    ANALOG_INPUTS, ANALOG_OUTPUTS, Action, Command, Coolant, CoolantChange, DIGITAL_INPUTS,
+    DIGITAL_OUTPUTS, Feed, InputWait, Orientation, Output, Outputs, PathMode, Probe, Span, Spindle,
+    Stop, Surface, TakenInput, Turning, Until, Way,
 };
 pub use coordinates::WorkCoordinates;
 pub use cycles::Cycle;
@@ -95,6 +95,8 @@ pub struct Setup {
     pub memory: Memory,
     /// What outputs are as the program begins.
     pub outputs: Outputs,
+    /// What coolant runs as the program begins.
+    pub coolant: Coolant,
     /// Lines that were typed in: where they end without M2 the modal state goes on.
     pub typed: bool,
     /// Digital inputs that M66 can wait for: bit 0 is P0.
@@ -137,6 +139,7 @@ impl Setup {
             limits: [None; 9],
             memory: Memory::default(),
             outputs: Outputs::default(),
+            coolant: Coolant::default(),
             typed: false,
             inputs: 0,
             analog_inputs: 0,

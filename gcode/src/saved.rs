@@ -6,7 +6,7 @@
 use std::collections::VecDeque;
 
 use super::axes::Point;
-use super::command::Action;
+use super::command::{Action, CoolantChange};
 use super::error::{Fault, Refusal};
 use super::execute::State;
 use super::lexer::Columns;
@@ -139,7 +139,8 @@ impl State {
             commands.push_back(Action::Spindle(modes.spindle));
         }
         if modes.coolant != before.coolant {
-            commands.push_back(Action::Coolant(modes.coolant));
+            let change = CoolantChange::between(before.coolant, modes.coolant);
+            commands.push_back(Action::Coolant(change));
         }
         if modes.path_mode != before.path_mode {
             commands.push_back(Action::PathMode(modes.path_mode));

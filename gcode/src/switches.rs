@@ -6,8 +6,8 @@ use std::time::Duration;
 use super::axes::AxisLetter;
 use super::block::Block;
 use super::command::{
-    ANALOG_INPUTS, ANALOG_OUTPUTS, Action, Coolant, DIGITAL_INPUTS, DIGITAL_OUTPUTS, InputWait,
-    Orientation, Output, Spindle, Stop, Surface, TakenInput, Turning, Until, Way,
+    ANALOG_INPUTS, ANALOG_OUTPUTS, Action, CoolantChange, DIGITAL_INPUTS, DIGITAL_OUTPUTS,
+    InputWait, Orientation, Output, Spindle, Stop, Surface, TakenInput, Turning, Until, Way,
 };
 use super::error::{Fault, Refusal};
 use super::execute::{DWELL_LIMIT, State, missing};
@@ -224,7 +224,6 @@ impl State {
         words: &Words,
         commands: &mut VecDeque<Action>,
     ) -> Result<(), Refusal> {
-        let mut coolant = self.modes.coolant;
         let (mist, flood) = (words.code(Group::Mist), words.code(Group::Coolant));
         if let (Some(first), Some(second @ Code::M(9))) = (mist, flood) {
             let columns = words.code_columns(Group::Coolant).unwrap_or_default();
@@ -238,17 +237,18 @@ impl State {
                 },
             ));
         }
-        coolant.mist |= mist.is_some();
-        match flood {
-            Some(Code::M(8)) => coolant.flood = true,
-            Some(_) => coolant = Coolant::default(),
-            None => {}
-        }
-        // What an operator has on by hand M9 switches off as well.
-        let is_off = flood == Some(Code::M(9));
-        if is_off || coolant != self.modes.coolant {
-            self.modes.coolant = coolant;
-            commands.push_back(Action::Coolant(coolant));
+        let on = |code: Option<Code>| code.map(|_| true);
+        let change = match flood {
+            Some(Code::M(9)) => CoolantChange::OFF,
+            _ => CoolantChange {
+                mist: on(mist),
+                flood: on(flood),
+            },
+        };
+        // An operator may have switched it by hand: each code says once more what is to be.
+        if mist.is_some() || flood.is_some() {
+            self.modes.coolant = change.of(self.modes.coolant);
+            commands.push_back(Action::Coolant(change));
         }
         Ok(())
     }

@@ -410,7 +410,7 @@ pub fn spirals() -> Vec<Sample> {
 /// A part of everything, in seconds.
 #[must_use]
 pub fn excerpt() -> Vec<Sample> {
-    let mut samples = corners(60);
+    let mut samples = corners(120);
     samples.push(s_bends(0.5, 3).swap_remove(1));
     samples.push(segments(500, 0.05, ("G64 P0.01", 0.01)));
     samples.push(circles(&[0.01, 1.0, 100.0], &[17, 18, 19]));

@@ -313,6 +313,12 @@ impl Rig {
         self.session.timeline().bus(bus)
     }
 
+    /// Somebody else puts a frame on a bus, by its place in the machine file.
+    pub fn intrude(&mut self, bus: usize, frame: Frame) {
+        let wire = self.bus_at(bus).port.bus();
+        self.session.timeline().world().intrude(wire, frame);
+    }
+
     /// The drive at that place in the machine file, behind all drives the encoder, to interfere with it.
     pub fn twin(&mut self, drive: usize) -> &mut dyn SimulatedDevice {
         let twin = self.twins[drive];

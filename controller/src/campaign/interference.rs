@@ -10,7 +10,7 @@ use crate::port::{Port, PortError};
 use serde::{Deserialize, Serialize};
 use std::mem::take;
 use syncline_canopen::time::Duration;
-use syncline_canopen::{CanId, Frame};
+use syncline_canopen::{CanId, CobId, Frame, nmt};
 use syncline_drives::twin::{Disturbance, ErrorClass};
 use syncline_drives::world::World;
 
@@ -88,6 +88,8 @@ pub enum ToBus {
     Incoming(Tampering),
     /// A frame of nobody's comes in so many cycles: its identifier and data.
     Intruder(u16, [u8; 8], u32),
+    /// Another master commands devices: the command and the node, 0 for all of the bus.
+    Nmt(u8, u8),
 }
 
 /// What becomes of frames that come in.
@@ -251,6 +253,7 @@ impl Interference {
                     Change::Begin(_) => "SDO answers wrong",
                 },
                 ToBus::Intruder(..) => "frames of a stranger",
+                ToBus::Nmt(..) => "NMT command of another master",
             },
             Self::Slip(..) => "coupling of an encoder slips",
             Self::Late(_) => "wake-up late",
@@ -302,8 +305,11 @@ pub(super) fn of_kind(dice: &mut Dice, machine: &MachineSpec, kind: &str) -> Opt
     if !switched.is_empty() {
         return Some(switched.swap_remove(dice.below(switched.len())));
     }
-    let drawn = (0..DRAWS).flat_map(|_| {
-        let what = any(dice, machine);
+    let drawn = (0..DRAWS).flat_map(|draw| {
+        let what = match draw % 16 {
+            0 => nmt(dice, machine),
+            _ => any(dice, machine),
+        };
         let end = what.end();
         [Some(what), end].into_iter().flatten()
     });
@@ -448,6 +454,41 @@ pub(super) fn slip(
     troubles.sort_by_key(|trouble| trouble.at);
 }
 
+/// Where there is trouble anyway: another master commands devices, one of them or all.
+pub(super) fn command_besides(
+    dice: &mut Dice,
+    machine: &MachineSpec,
+    cycles: u32,
+    troubles: &mut Vec<Trouble>,
+) {
+    if troubles.is_empty() || !dice.chance(0.2) {
+        return;
+    }
+    for _ in 0..dice.whole(1..=2) {
+        troubles.push(Trouble {
+            at: When::draw(dice, cycles),
+            what: nmt(dice, machine),
+        });
+    }
+    troubles.sort_by_key(|trouble| trouble.at);
+}
+
+fn nmt(dice: &mut Dice, machine: &MachineSpec) -> Interference {
+    use nmt::Command::{EnterPreOperational, ResetCommunication, ResetNode, Start, Stop};
+    let command = [
+        EnterPreOperational,
+        Stop,
+        Start,
+        ResetNode,
+        ResetCommunication,
+    ];
+    let command = command[dice.weighted(&[4, 4, 1, 1, 1])];
+    let nodes: Vec<_> = machine.nodes().collect();
+    let (bus, node) = *dice.pick(&nodes);
+    let all = dice.chance(0.2);
+    Interference::Bus(bus, ToBus::Nmt(command as u8, if all { 0 } else { node }))
+}
+
 /// The node ids of the devices.
 fn nodes(machine: &MachineSpec) -> Vec<u8> {
     machine.nodes().map(|(_, node)| node).collect()
@@ -464,6 +505,8 @@ pub(super) struct TroubledPort {
     condition: Option<BusFault>,
     tampering: Vec<Tampering>,
     intruder: Option<(Frame, u32)>,
+    /// What another master puts on the bus.
+    nmt: Option<Frame>,
     /// Bursts that wait for the next SYNC to leave.
     late: Vec<Frame>,
     /// Frames that come a cycle later.
@@ -483,6 +526,7 @@ impl TroubledPort {
             condition: None,
             tampering: Vec::new(),
             intruder: None,
+            nmt: None,
             late: Vec::new(),
             delayed: Vec::new(),
         }
@@ -506,6 +550,7 @@ impl TroubledPort {
                 let frame = Frame::new(CanId::Standard(id & 0x7FF), &data);
                 self.intruder = Some((frame, count));
             }
+            ToBus::Nmt(command, node) => self.nmt = Some(Frame::new(CobId::NMT, &[command, node])),
         }
     }
 
@@ -564,6 +609,9 @@ fn take_one(count: &mut u32) -> bool {
 
 impl Port for TroubledPort {
     fn exchange(&mut self, world: &mut World) {
+        if let Some(frame) = self.nmt.take() {
+            world.intrude(self.port.bus(), frame);
+        }
         self.port.exchange(world);
     }
 

@@ -68,6 +68,8 @@ pub struct Woken {
     pub phase: Phase,
     /// By drive: what is true of it.
     pub plants: Vec<Observation>,
+    /// By device: the levels of its digital outputs, one bit each.
+    pub outputs: Vec<u16>,
     /// By axis: where operators are shown that it is, mm.
     pub shown: Vec<f64>,
 }
@@ -286,6 +288,8 @@ impl<'a> Stage<'a> {
         let drives = self.twins.iter().take(self.case.machine.drives());
         let plants = drives.map(|twin| world.device(*twin).observe());
         let plants = plants.collect();
+        let outputs = self.twins.iter();
+        let outputs = outputs.map(|twin| world.device(*twin).outputs()).collect();
         let controller = timeline.controller();
         Woken {
             now,
@@ -293,6 +297,7 @@ impl<'a> Stage<'a> {
             state,
             phase: controller.phase(),
             plants,
+            outputs,
             shown,
         }
     }

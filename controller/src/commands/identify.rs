@@ -335,6 +335,7 @@ impl Args {
         let timing = self.real_time.timing(machine);
         let verbose = self.verbose;
         let (timeline, moves) = RealTime::start(
+            machine,
             &layout,
             buses.world,
             buses.ports,

@@ -201,6 +201,7 @@ impl Run<'_> {
         let (messages, waiting) = Console::messages();
         let tell = messages.clone();
         let (timeline, moves) = RealTime::start(
+            &self.machine,
             &self.layout,
             world,
             ports,

@@ -192,7 +192,7 @@ impl Script {
             self.events.pass();
             rests = false;
         }
-        if self.events.left().is_none() && stands >= PATIENCE {
+        if self.events.left().is_none() && now.saturating_sub(self.busy) >= PATIENCE {
             let end = match status.state {
                 State::Ready | State::Faulted | State::Disabled => Command::SwitchOff,
                 _ => {

@@ -1,5 +1,6 @@
 //! One axis in the cycle: planned position to increments, actual position back, following error.
 
+mod feedback;
 mod history;
 mod position_loop;
 mod sample;
@@ -9,12 +10,12 @@ mod test_move;
 pub use sample::AxisSample;
 pub(super) use test_move::Test;
 
+use super::SIDES_ENABLE;
 use super::fault::{AwaitedState, AxisCause, AxisIndex, DeviceIndex, Fault};
 use super::homing::{Edge, NotRecalled};
 use super::layout::{self, Layout};
 use super::node::DeviceNode;
 use super::setpoint_guard::SetpointGuard;
-use super::{SIDES_ENABLE, STILL};
 use crate::machine::{AxisLimits, HomingMethod, Kept};
 use history::{History, Planned};
 use squaring::Squaring;
@@ -198,21 +199,6 @@ impl AxisControl {
         self.spec.drives.iter().filter(move |_| keeps).map(kept)
     }
 
-    /// Without a reference, counts from where each side stands. A drive beside the encoder of the position
-    /// loop learns its place from that.
-    pub(super) fn count_from_here(&self, nodes: &mut [DeviceNode]) -> Result<(), Fault> {
-        for &drive in &self.spec.drives {
-            let there = match self.loop_encoder() {
-                Some(encoder) => nodes[drive].increments(nodes[encoder].actual_mm())?,
-                None if self.is_placed() => continue,
-                None => nodes[drive].scaling().zero(),
-            };
-            let node = &mut nodes[drive];
-            node.origin = node.actual() - there;
-        }
-        Ok(())
-    }
-
     /// The encoder that its position loop is closed by, where it is not the drives.
     fn loop_encoder(&self) -> Option<DeviceIndex> {
         let feedback = self.spec.feedback.filter(|it| it.closes_loop);
@@ -391,12 +377,15 @@ impl AxisControl {
         }
     }
 
-    /// The fault of an axis whose drive goes to a target and has not stood there for so many cycles.
-    pub(super) fn is_away(&self, cycles: u32, nodes: &[DeviceNode]) -> Option<Fault> {
+    /// The fault of an axis whose drive goes to a target and has not stood there for so many cycles; while it `may` take longer,
+    /// it also waits until its encoder was held against its drive.
+    pub(super) fn is_away(&self, cycles: u32, may: bool, nodes: &[DeviceNode]) -> Option<Fault> {
         let target = self.point_to_point?.target?;
         let node = &nodes[self.drive()];
         let away = target - node.actual();
-        let there = away.get().abs() <= node.standstill_window().get() && node.still() >= cycles;
+        let there = away.get().abs() <= node.standstill_window().get()
+            && node.still() >= cycles
+            && !(may && self.awaits_comparison(nodes));
         let distance = away.get().abs() as f64 * node.scaling().resolution();
         (!there).then_some(Fault::Axis(self.index, AxisCause::NotThere { distance }))
     }
@@ -705,42 +694,6 @@ impl AxisControl {
         if distance > self.spec.limits.standstill {
             let axis = self.index;
             return Err(Fault::Axis(axis, AxisCause::Standstill { distance }));
-        }
-        Ok(())
-    }
-
-    /// Whether the encoder of the axis says what its drives say, of a gantry pair the mean of both.
-    ///
-    /// Both absolute positions are compared, so that what slipped while the machine was off shows too.
-    pub(super) fn check_feedback(&self, nodes: &[DeviceNode]) -> Result<(), Fault> {
-        let Some(layout::AxisFeedback {
-            encoder,
-            difference: allowed,
-            ..
-        }) = self.spec.feedback.filter(|_| self.is_placed())
-        else {
-            return Ok(());
-        };
-        let encoder = &nodes[encoder];
-        let drives = self.spec.drives.iter().map(|&drive| &nodes[drive]);
-        // Positions of different SYNCs say nothing about each other.
-        let rests =
-            |node: &DeviceNode| f64::from(node.still()) * self.period >= STILL.as_secs_f64();
-        let at_once = |drive: &DeviceNode| match drive.answers_sync() {
-            true => drive.age() == encoder.age(),
-            // Of one that is polled, what it says at rest.
-            false => rests(drive) && rests(encoder),
-        };
-        if !drives.clone().all(at_once) {
-            return Ok(());
-        }
-        let count = drives.len() as f64;
-        let mean = drives.map(DeviceNode::actual_mm).sum::<f64>() / count;
-        let difference = encoder.actual_mm() - mean;
-        if difference.abs() > allowed {
-            let axis = self.index;
-            let cause = AxisCause::FeedbackDifference { difference };
-            return Err(Fault::Axis(axis, cause));
         }
         Ok(())
     }

@@ -195,7 +195,7 @@ pub enum Event {
         /// Why.
         failure: HomingFailure,
     },
-    /// The index pulse that a drive homed by is near to the edge of its switch.
+    /// The index pulse that an axis was homed by is near to the edge of its switch.
     IndexNear {
         /// Which axis.
         axis: AxisIndex,

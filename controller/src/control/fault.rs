@@ -441,6 +441,15 @@ pub enum BusCause {
          producing SYNC (bit 30 of its 1005h), or the other master"
     )]
     SecondSync,
+    /// NMT commands came that this controller did not send.
+    #[error(
+        "another master commands devices, too ({request}): only one may start and stop them; end the other tool or master, \
+         then reset"
+    )]
+    SecondNmtMaster {
+        /// What it commanded.
+        request: nmt::Request,
+    },
     /// A node sends under the node id that is the controller's.
     #[error(
         "another node sends with the controller's node id {node}, and drives take its life for the controller's: \

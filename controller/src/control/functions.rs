@@ -23,7 +23,7 @@ use std::collections::VecDeque;
 use std::fmt;
 use std::mem::take;
 use std::sync::Arc;
-use syncline_gcode::{AxisLetter, Coolant, Output, Outputs, Spindle, Turning};
+use syncline_gcode::{AxisLetter, Coolant, CoolantChange, Output, Outputs, Spindle, Turning};
 
 /// M-codes that the cycle has room for. Where a program has more without a stop, the path rests for
 /// them to be executed.
@@ -38,7 +38,7 @@ pub enum Switch {
     /// The spindle: M3, M4, M5, S.
     Spindle(Spindle),
     /// The coolant: M7, M8, M9.
-    Coolant(Coolant),
+    Coolant(CoolantChange),
     /// The tool that M6 loaded.
     Tool(u32),
     /// An output: M62 … M65, M67, M68; a code of the user's is only told.
@@ -101,7 +101,7 @@ impl MachineFunctions {
         self.line = line;
         match switch {
             Switch::Spindle(spindle) => self.spindle = spindle,
-            Switch::Coolant(coolant) => self.coolant = coolant,
+            Switch::Coolant(change) => self.coolant = change.of(self.coolant),
             Switch::Tool(tool) => self.tool = tool,
             Switch::Output(output) => self.outputs.switch(&output),
             Switch::Message => {}
@@ -163,7 +163,7 @@ impl Switches {
         self.by_hand.fill(None);
         self.safe = false;
         if self.functions.coolant != coolant {
-            tell(Switch::Coolant(self.functions.coolant));
+            tell(Switch::Coolant(self.functions.coolant.into()));
         }
     }
 
@@ -206,7 +206,7 @@ impl Switches {
             ),
             (
                 coolant != Coolant::default(),
-                Switch::Coolant(Coolant::default()),
+                Switch::Coolant(CoolantChange::OFF),
             ),
         ] {
             if is_on {
@@ -319,12 +319,12 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// What M-codes have made of the outputs of a program; of one that has not said anything yet, what it begins with.
+    /// What the job at work has switched; of one that has not said anything yet, what it begins with.
     #[must_use]
-    pub fn outputs(&self) -> Outputs {
+    pub fn functions(&self) -> MachineFunctions {
         match self.job.filter(|_| self.awaits_instructions()) {
-            Some(job) => self.switches.beginning(&self.layout, &job).0.outputs,
-            None => self.switches.functions.outputs,
+            Some(job) => self.switches.beginning(&self.layout, &job).0,
+            None => self.switches.functions,
         }
     }
 
@@ -382,8 +382,10 @@ impl<const N: usize> Controller<N> {
                 None if is_safe => output.safe,
                 None => switched.is_on(output.switch),
             };
-            self.nodes[output.node].set_output(output.signal, on != output.active_low);
-            if self.switches.outputs[index].replace(on) != Some(on) {
+            let node = &mut self.nodes[output.node];
+            node.set_output(output.signal, on != output.active_low);
+            // What nobody is known to have been told is not said.
+            if node.is_known() && self.switches.outputs[index].replace(on) != Some(on) {
                 self.tell(Event::Output { output: index, on });
             }
         }
@@ -398,8 +400,10 @@ impl<const N: usize> Controller<N> {
                 true => output.safe,
                 false => switched.value(output.source),
             };
-            self.nodes[output.node].set_analog_output(output.place, output.scaled(value));
-            if self.switches.analog_outputs[index].replace(value) != Some(value) {
+            let node = &mut self.nodes[output.node];
+            node.set_analog_output(output.place, output.scaled(value));
+            if node.is_known() && self.switches.analog_outputs[index].replace(value) != Some(value)
+            {
                 let output = index;
                 self.tell(Event::AnalogOutput { output, value });
             }

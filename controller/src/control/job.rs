@@ -343,9 +343,7 @@ impl<const N: usize> Controller<N> {
     /// An operator ends a pause; what was jogged meanwhile goes back first. With a retraction that is leg by leg,
     /// each at an operator's word, also while held.
     pub fn go_on(&mut self) {
-        let beside = self.job.is_some() && self.executor.is_off_path() && !self.probing.is_active();
-        let ends_there = self.executor.next_leg().is_some_and(|leg| leg.last) && self.pause_told;
-        if beside && self.layout.retraction.is_some() && !ends_there {
+        if self.awaits_leg() {
             return self.executor.resume();
         }
         if take(&mut self.pause_told) {
@@ -366,6 +364,18 @@ impl<const N: usize> Controller<N> {
                 false => Event::Resumed,
             });
         }
+    }
+
+    /// Whether the next leg of a way back is at an operator's word.
+    fn awaits_leg(&self) -> bool {
+        let beside = self.job.is_some() && self.executor.is_off_path() && !self.probing.is_active();
+        let ends_there = self.executor.next_leg().is_some_and(|leg| leg.last) && self.pause_told;
+        beside && self.layout.retraction.is_some() && !ends_there
+    }
+
+    /// Whether it is cycle start that goes on from where it rests.
+    pub(super) fn awaits_cycle_start(&self) -> bool {
+        self.pause_told || self.awaits_leg()
     }
 
     /// Stops what moves; the job is over. A machine that was switched on for one job goes off.

@@ -8,7 +8,7 @@ use crate::machine::{
     NotKept, OutputSwitch, ProbeCaptures, Probing, Seat, Spindle, SpindleDrive, TURN,
 };
 use syncline_canopen::time::Duration;
-use syncline_canopen::{CanId, CobId, Frame, NodeId};
+use syncline_canopen::{CanId, CobId, Frame, NodeId, nmt};
 use syncline_drives::model::{Device, Direction, Feedback, Increments, Scaling};
 use syncline_gcode::Output;
 use syncline_trajectory::limits::Limits;
@@ -196,11 +196,7 @@ impl AxisSpec {
             unit: axis.units()[0],
             drives: axis.drives.clone(),
             point_to_point: axis.motion == Motion::PointToPoint,
-            feedback: axis.feedback.map(|feedback| AxisFeedback {
-                encoder: machine.drives.len() + feedback.encoder,
-                difference: feedback.difference,
-                closes_loop: feedback.closes_loop,
-            }),
+            feedback: axis.feedback.map(|it| AxisFeedback::of(machine, axis, it)),
             limits: axis.limits,
             homing: axis.homing.clone(),
             limit_inputs: axis.limit_inputs.clone(),
@@ -275,6 +271,27 @@ pub struct AxisFeedback {
     pub difference: f64,
     /// It is what the axis's position loop is closed by, and where the axis is.
     pub closes_loop: bool,
+    /// The drives learn their place from it as they come up and as they are enabled: it closes the loop, or it is what the axis is referenced by
+    /// and they count from where they are switched on.
+    pub teaches: bool,
+}
+
+impl AxisFeedback {
+    fn of(machine: &Machine, axis: &machine::Axis, feedback: machine::Feedback) -> Self {
+        let counts_anew = |&drive: &usize| {
+            let device = machine.device(drive);
+            device
+                .feedback()
+                .is_some_and(|it| !it.counts_without_power())
+        };
+        let counts_anew = axis.drives.iter().any(counts_anew);
+        Self {
+            encoder: machine.drives.len() + feedback.encoder,
+            difference: feedback.difference,
+            closes_loop: feedback.closes_loop,
+            teaches: feedback.closes_loop || axis.homing.tells_place() && counts_anew,
+        }
+    }
 }
 
 impl Layout {
@@ -292,6 +309,8 @@ impl Layout {
         let is = |cob_id: CobId| frame.id() == CanId::from(cob_id);
         if is(CobId::SYNC) {
             Some(BusCause::SecondSync)
+        } else if let Some(request) = nmt::Request::decode(frame) {
+            Some(BusCause::SecondNmtMaster { request })
         } else if is(CobId::error_control(node)) {
             Some(BusCause::SecondController { node })
         } else {

@@ -4,8 +4,8 @@
 use super::STILL;
 use super::fault::{AxisIndex, DeviceIndex, Names};
 use super::layout::{AxisSpec, DeviceSpec, Layout};
-use super::polls::{CONTRADICTIONS, STATE_POLL};
-use crate::machine::{OutputSwitch, POLL};
+use super::polls::CONTRADICTIONS;
+use crate::machine::{OutputSwitch, POLL, STATE_POLL};
 use std::fmt;
 use syncline_canopen::time::Duration;
 use syncline_drives::model::{Address, Device, Monitoring, Setpoints};
@@ -52,7 +52,7 @@ impl fmt::Display for Notice {
 pub enum Compared {
     /// At every SYNC.
     AtSync,
-    /// Where both rest, each within its standstill window: the drive has no position of a SYNC.
+    /// Where both rest, each within its standstill window, or the drive has no target: it has no position of a SYNC.
     AtRest,
 }
 

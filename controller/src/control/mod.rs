@@ -419,6 +419,13 @@ impl<const N: usize> Controller<N> {
         }
     }
 
+    /// Puts the first wake-up off to `start`, as long as it has not come.
+    pub fn begin_at(&mut self, start: Instant) {
+        debug_assert!(self.cycle == 0 && !self.setpoint_is_next);
+        self.sync_at = start;
+        self.heartbeat_due = start;
+    }
+
     // --- the two instants of the cycle ---
 
     /// When to call [`Controller::wake`] next; `None` once the machine is at its end.

@@ -147,6 +147,11 @@ impl DeviceNode {
         &self.spec().scaling
     }
 
+    /// Whether it is known to be the device that is expected.
+    pub(super) fn is_known(&self) -> bool {
+        self.sequence.has_identified()
+    }
+
     pub(super) fn is_sequence_done(&self) -> bool {
         self.sequence.is_done()
     }
@@ -210,7 +215,10 @@ impl DeviceNode {
                     Some(survey) if survey.address == object => {
                         self.take_state((survey.status)(value));
                     }
-                    _ => self.actual = Increments::from(value as i32),
+                    _ => {
+                        self.actual = Increments::from(value as i32);
+                        self.polls.locate();
+                    }
                 }
             }
         } else if is(CobId::emcy(node)) {
@@ -279,6 +287,7 @@ impl DeviceNode {
             && let Some(sample) = feedback.sample(t_pdo, data)
         {
             self.actual = unwrapped(sample.position, feedback.range(), self.actual);
+            self.polls.locate();
         }
         if let Some(io) = self.device.io()
             && let Some(signals) = io.signals(t_pdo, data)
@@ -597,16 +606,21 @@ impl DeviceNode {
 
     /// Encodes its R_PDOs for the next SYNC: once for a cycle in which they are sent.
     pub(super) fn encode(&mut self) {
-        let (outputs, power) = (self.outputs, self.power_command());
-        if let Some(io) = self.device.io_mut() {
-            io.set_outputs(outputs);
-        }
+        let power = self.power_command();
+        self.take_outputs();
         match &mut self.device {
             Device::Drive(drive) => drive.encode(power, self.setpoint, &mut self.r_pdos),
             Device::Encoder(_) => {}
             Device::Io(io) => io.encode(&mut self.r_pdos),
         }
         self.tell_outputs();
+    }
+
+    /// Hands the device what its digital outputs are to be.
+    fn take_outputs(&mut self) {
+        if let Some(io) = self.device.io_mut() {
+            io.set_outputs(self.outputs);
+        }
     }
 
     /// Its R_PDOs as last encoded.
@@ -650,6 +664,9 @@ impl DeviceNode {
     /// The steps from the boot-up message to a drive that is set up.
     pub(super) fn ask_set_up(&mut self) {
         self.booted = false;
+        // What it is set up with has it count from there.
+        let feedback = self.device.feedback();
+        self.lost_count |= feedback.is_some_and(|it| !it.counts_without_power());
         let spec = self.device.spec();
         let identity = spec.identity.iter().copied().map(Step::Identity);
         let ensured = spec.ensured.iter().copied().map(Step::Ensure);
@@ -702,9 +719,13 @@ impl DeviceNode {
         self.torque.forget_steps();
         self.command_off();
         if in_reach {
+            // One that was never started, or no longer hears R_PDOs; of another kind than expected it is told nothing.
+            if self.is_known() && !self.is_operational() {
+                self.tell_by_sdo();
+            }
             self.tell_finally();
         }
-        if in_reach && self.sequence.has_identified() {
+        if in_reach && self.is_known() {
             self.release_torque();
             let release = self
                 .device

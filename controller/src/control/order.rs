@@ -70,6 +70,8 @@ pub enum Order<const N: usize = COORDINATES> {
     },
     /// Switches the machine off, once what moves has come to rest.
     SwitchOff,
+    /// Nothing of the cycle's: what the session does by itself has its cycle and its turn among the orders.
+    Nothing,
 }
 
 /// Why an order is refused, and what to do.
@@ -136,6 +138,9 @@ pub enum Refusal {
         "the program was left for typed lines, and nothing leads back from here: resume reads it anew, stop gives it up"
     )]
     SetAside,
+    /// Cycle start ends a pause, and no feed hold.
+    #[error("an operator holds the path: resume goes on")]
+    FeedHeld,
     /// No axis is homed unless it is named.
     #[error("nothing is to be homed but what an operator homes by hand: name the axes")]
     NothingToHome,
@@ -165,7 +170,7 @@ impl<const N: usize> Order<N> {
             Self::Reset => Request::Reset,
             Self::SwitchOff => Request::SwitchOff,
             Self::Switch { .. } => Request::Switch,
-            Self::Abandon(_) | Self::UserCodeEnded { .. } => return None,
+            Self::Abandon(_) | Self::UserCodeEnded { .. } | Self::Nothing => return None,
         })
     }
 }
@@ -196,6 +201,9 @@ impl<const N: usize> Controller<N> {
         }
         if let Some(overrides) = self.lacks_speed(&order) {
             return Err(Refusal::NoSpeed(overrides));
+        }
+        if order == Order::CycleStart && state == State::Held && !self.awaits_cycle_start() {
+            return Err(Refusal::FeedHeld);
         }
         match order {
             Order::FeedHold | Order::ToggleFeedHold if state == State::Homing => {
@@ -260,6 +268,7 @@ impl<const N: usize> Controller<N> {
             Order::Reset => self.reset(),
             Order::SwitchOff => self.switch_off(),
             Order::Switch { output, on } => self.switches.by_hand(output, on),
+            Order::Nothing => {}
         }
         Ok(())
     }

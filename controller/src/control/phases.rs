@@ -80,6 +80,9 @@ impl<const N: usize> Controller<N> {
                 self.go_on_if(locked, Phase::Disabled, out);
             }
             Phase::Disabled if self.goal == Goal::Ready => {
+                for axis in &self.axes {
+                    axis.learn_place(&mut self.nodes)?;
+                }
                 self.await_all(AwaitedState::Disabled, Phase::ReadyToSwitchOn, out)?;
             }
             Phase::Disabled => {}
@@ -388,9 +391,13 @@ impl<const N: usize> Controller<N> {
             return;
         }
         self.feed_by_turns();
-        // Jogs are no going on.
-        let settled = self.planned.speed == 0.0 && self.shaping.is_settled();
-        let rests = self.executor.is_held() && (settled || self.planned.off_path);
+        // A jog of what is held already is no going on; on its way back it is held once it stands.
+        let jogs = self.planned.off_path && self.held;
+        let stands = match self.planned.off_path {
+            true => self.planned.velocity == [0.0; N],
+            false => self.planned.speed == 0.0,
+        };
+        let rests = self.executor.is_held() && (jogs || stands && self.shaping.is_settled());
         let leg = self.executor.next_leg();
         if leg != self.told_leg {
             self.told_leg = leg;
@@ -742,6 +749,7 @@ impl<const N: usize> Controller<N> {
     }
 
     fn ask_release(&mut self) {
+        self.set_outputs();
         for drive in 0..self.nodes.len() {
             let in_reach = self.is_in_reach(drive);
             self.nodes[drive].ask_release(in_reach);

@@ -96,7 +96,7 @@ impl<const N: usize> Controller<N> {
             Some(Progress::Going { left }) => {
                 let cycles = self.still_cycles();
                 let mut goers = self.axes.iter();
-                let late = goers.find_map(|axis| axis.is_away(cycles, &self.nodes));
+                let late = goers.find_map(|axis| axis.is_away(cycles, left > 0, &self.nodes));
                 self.positioning = Some(Progress::Going {
                     left: left.saturating_sub(1),
                 });

@@ -3,15 +3,15 @@
 //! One that begins anew may tell nobody, and then counts on from 0 with its power stage off. So its state is asked for
 //! besides, at rest too. Its T_PDO may tell of a change while such an answer is on its way: it takes several in a row to
 //! be believed against that.
+//!
+//! Where a bus has room for few requests, both are asked for by turns. A position that is asked for tells nothing of the time
+//! up to the next answer: it has stood for as long as answers are apart that say the same.
 
 use super::sdo_sequence::SdoSequence;
-use crate::machine::POLL;
+use crate::machine::{POLL, STATE_POLL};
+use std::mem::take;
 use syncline_canopen::Instant;
-use syncline_canopen::time::Duration;
 use syncline_drives::model::Address;
-
-/// From one poll of a state to the next, which goes before one of the position.
-pub(super) const STATE_POLL: Duration = Duration::from_millis(50);
 
 /// So many answers in a row have to contradict the state that was told last.
 pub(super) const CONTRADICTIONS: u32 = 2;
@@ -23,6 +23,11 @@ pub(super) struct Polls {
     on: bool,
     position_due: Instant,
     state_due: Instant,
+    /// It was asked for its state last.
+    state_asked: bool,
+    /// Cycles since its position was known before, and whether it came since.
+    unknown: u32,
+    located: bool,
     /// Answers in a row that contradict the state that it told last.
     contradictions: u32,
 }
@@ -33,6 +38,9 @@ impl Polls {
         on: false,
         position_due: Instant::ZERO,
         state_due: Instant::ZERO,
+        state_asked: false,
+        unknown: 0,
+        located: false,
         contradictions: 0,
     };
 
@@ -50,14 +58,29 @@ impl Polls {
         if !self.on {
             return;
         }
-        // The state first: where a cycle is as long as POLL, a position is due in each.
-        if let Some(state) = state.filter(|_| now >= self.state_due) {
+        let position_due = now >= self.position_due;
+        // The state first: where a cycle is as long as POLL, a position is due in each. But not twice in a row.
+        let state_due = now >= self.state_due && !(self.state_asked && position_due);
+        if let Some(state) = state.filter(|_| state_due) {
             if sequence.poll_object(state) {
                 self.state_due = now + STATE_POLL;
+                self.state_asked = true;
             }
-        } else if now >= self.position_due && sequence.poll_object(position) {
+        } else if position_due && sequence.poll_object(position) {
             self.position_due = now + POLL;
+            self.state_asked = false;
         }
+    }
+
+    /// Its position has come.
+    pub(super) fn locate(&mut self) {
+        self.located = true;
+    }
+
+    /// A cycle passes: how many ago its position was known before, if it came since.
+    pub(super) fn pass_cycle(&mut self) -> Option<u32> {
+        self.unknown = self.unknown.saturating_add(1);
+        take(&mut self.located).then(|| take(&mut self.unknown))
     }
 
     /// Whether an answer is to be believed that contradicts what was told, or does not.

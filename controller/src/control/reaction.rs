@@ -203,7 +203,9 @@ impl Fault {
             Self::Bus(_, cause) => match cause {
                 BusCause::LateSetpoints { .. } | BusCause::TornBurst => Cause::Setpoints,
                 BusCause::ErrorPassive => Cause::ErrorPassive,
-                BusCause::SecondSync | BusCause::SecondController { .. } => Cause::SecondMaster,
+                BusCause::SecondSync
+                | BusCause::SecondNmtMaster { .. }
+                | BusCause::SecondController { .. } => Cause::SecondMaster,
                 BusCause::Failed => Cause::BusLost,
             },
             Self::LateWakeUp { .. } => Cause::LateWakeUp,
@@ -300,7 +302,7 @@ impl fmt::Display for Cause {
                 "setpoints missed their SYNC twice in a row or three times in 1000 cycles, or left in part"
             }
             Self::ErrorPassive => "adapter of a bus error passive",
-            Self::SecondMaster => "SYNC, or a node with the controller's id, that is not the controller's",
+            Self::SecondMaster => "SYNC, an NMT command, or a node with the controller's id, that is not the controller's",
             Self::BusLost => "bus lost",
             Self::DriveError => "EMCY, or a fault that a drive tells",
             Self::NotFollowing => {
@@ -338,7 +340,7 @@ impl fmt::Display for Reaction {
 impl fmt::Display for Clearing {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::GoOn => "an operator: resume, cycle start",
+            Self::GoOn => "an operator: resume",
             Self::Nobody => "nobody: the next job can begin",
             Self::Reset => "an operator: reset",
         })

@@ -160,7 +160,7 @@ impl Hold {
         match self {
             Self::Operator => "feed hold: held on the path".to_owned(),
             Self::Input(input) => format!(
-                "input \"{}\" holds the path: once it is off, resume or cycle start goes on",
+                "input \"{}\" holds the path: once it is off, resume goes on",
                 names.input(input)
             ),
             Self::NoSpeed(overrides) => format!("held on the path: {overrides}"),

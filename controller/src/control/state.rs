@@ -115,7 +115,7 @@ impl State {
             Self::Homing => "wait until the axes are homed; feed hold or stop ends that",
             Self::Jogging => "feed hold stops the axes",
             Self::Mdi | Self::Running => "feed hold rests on the path, stop ends the job",
-            Self::Held => "resume or cycle start goes on, stop ends the job",
+            Self::Held => "resume goes on, at a pause cycle start; stop ends the job",
             Self::Stopping => "wait until the machine rests",
             Self::Faulted => "mend the cause, then reset",
             Self::Disabled => "enable the drives",

@@ -184,6 +184,9 @@ pub(super) fn settle_motions(
         if !point_to_point {
             continue;
         }
+        if unpaired(machine, axis).is_some() {
+            continue;
+        }
         let cannot = axis.drives.iter().find(|&&drive| !can(drive));
         let problem = if let Some(&drive) = cannot {
             let drive = &machine.drives[drive];
@@ -211,6 +214,35 @@ pub(super) fn settle_motions(
                 axis.name()
             ),
             "leave the key out where the drive follows a path; otherwise see docs/machine-file.md",
+        );
+    }
+}
+
+/// The drive of a gantry pair that cannot be a side of one, if there is one: neither does it tell its place at every SYNC, nor
+/// can one encoder tell that of either side.
+fn unpaired<'m>(machine: &'m Machine, axis: &Axis) -> Option<&'m Drive> {
+    let mut sides = axis.drives.iter().filter(|_| axis.drives.len() > 1);
+    let tells = |drive: usize| machine.device(drive).spec().answers_sync;
+    let side = sides.find(|&&drive| !tells(drive));
+    side.map(|&drive| &machine.drives[drive])
+}
+
+/// Whether each drive of a gantry pair can be a side of one. `places` are where the file names the drives.
+pub(super) fn check_pairs(log: &mut Log<'_>, machine: &Machine, places: &[Range<usize>]) {
+    for axis in &machine.axes {
+        let Some(drive) = unpaired(machine, axis) else {
+            continue;
+        };
+        log.report(
+            places[axis.drives[0]].clone(),
+            format!(
+                "axis \"{}\": drive \"{}\" ({}) cannot be a side of a gantry pair: it does not tell its position at every SYNC, \
+                 at which the two sides are compared",
+                axis.name(),
+                drive.name,
+                drive.model.title
+            ),
+            "give each side a drive that does, or each drive an axis of its own",
         );
     }
 }
@@ -275,7 +307,8 @@ pub(super) fn check_loops(log: &mut Log<'_>, machine: &Machine, places: &[Range<
         let device = machine.device(index);
         let (spec, who) = (device.spec(), &drive.name);
         let (name, title) = (axis.name(), drive.model.title);
-        if !drive.model.is_sent(Setpoints::Velocities) || axis.motion == Motion::PointToPoint {
+        let is_sent = drive.model.is_sent(Setpoints::Velocities);
+        if !is_sent || axis.motion == Motion::PointToPoint || unpaired(machine, axis).is_some() {
             continue;
         }
         if !spec.answers_sync && !axis.feedback.is_some_and(|it| it.closes_loop) {
@@ -497,8 +530,16 @@ pub(super) fn check_counts(log: &mut Log<'_>, machine: &Machine, places: &[Range
                 drive.name,
                 drive.model.title
             ),
-            "home it after each power-on: [axis.homing] with `kind = \"set_here\"` and without `absolute`; or name an \
-             [[encoder]] as the axis's `feedback`",
+            match axis.feedback {
+                None => {
+                    "home it after each power-on: [axis.homing] with `kind = \"set_here\"` and without `absolute`; or name an \
+                     [[encoder]] as the axis's `feedback`"
+                }
+                Some(_) => {
+                    "leave [axis.homing] out: the encoder that is its `feedback` tells where it is; or leave `absolute` out, \
+                     and home it after each power-on"
+                }
+            },
         );
     }
 }

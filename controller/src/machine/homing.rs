@@ -12,11 +12,11 @@ pub use test_move::TestMove;
 use super::signals::{Input, InputMeaning};
 
 use super::simulation::{number, number_or};
-use super::{Axis, AxisLimits, Drive, signals};
+use super::{Axis, AxisLimits, Drive, Machine, Motion, signals};
 use hard_stop::HardStopTable;
 use std::ops::Range;
 use std::time::Duration;
-use syncline_drives::model::Capture;
+use syncline_drives::model::{Ability, Capture};
 use syncline_strict_toml::{Log, Table, one_of};
 use toml::Spanned;
 
@@ -128,6 +128,8 @@ pub struct SwitchSearch {
     pub captures: Vec<&'static Capture>,
     /// Another axis has the same switch.
     pub is_shared: bool,
+    /// Its place is that of the first index of the motor's encoder behind the edge, where the drive counts whole turns.
+    pub by_index: bool,
     /// 1 or −1: to which side the switch is searched.
     pub direction: f64,
     /// Of the search, mm/s.
@@ -140,7 +142,7 @@ pub struct SwitchSearch {
     pub max_distance: f64,
     /// How long the axis takes at most.
     pub max_time: Duration,
-    /// Machine position of the edge at which the switch comes on in that direction, mm.
+    /// Machine position of the edge at which the switch comes on in that direction, or of the index behind it, mm.
     pub position: f64,
     /// Where the axis goes once it is referenced, mm.
     pub final_position: f64,
@@ -242,15 +244,28 @@ pub(super) struct HomingTable {
     switches: Option<Spanned<Vec<Spanned<String>>>>,
     /// Whether the drives are to capture the switches' edges, if the file says so.
     latch: Option<Spanned<bool>>,
-    /// Where the file says by which method its drive homes by itself.
-    own: Option<Range<usize>>,
-    /// Where it has it search a hard stop.
-    stop: Option<HardStopTable>,
+    /// Where it says whether the index behind the edge counts.
+    index: Option<Range<usize>>,
+    /// What asks for more of its drive than that it follows.
+    search: Option<OwnSearch>,
     /// Where it has it make a test move.
     test: Option<Range<usize>>,
 }
 
+/// A homing that its drive has to be made for.
+pub(super) enum OwnSearch {
+    /// By a method of its own, which the file says here.
+    Method(Range<usize>),
+    /// Against a hard stop.
+    HardStop(HardStopTable),
+}
+
 impl HomingTable {
+    /// What [`check`] looks at once it is known how the axis moves.
+    pub(super) fn take_search(&mut self) -> Option<OwnSearch> {
+        self.search.take()
+    }
+
     /// Where the file has the axis make a test move.
     pub(super) fn test_move(&self) -> Option<Range<usize>> {
         self.test.clone()
@@ -287,6 +302,7 @@ pub(super) fn read(
     };
     let mut switches = None;
     let mut latch = None;
+    let mut index = None;
     let mut own = None;
     let mut stop = None;
     let mut jog_speed = limits.velocity / 10.0;
@@ -300,6 +316,7 @@ pub(super) fn read(
             let said = table.flag_or(log, "latch", true);
             let span = table.span_of("latch");
             latch = span.map(|span| Spanned::new(span, said));
+            index = table.span_of("index");
             let search = search(log, &mut table, limits, [position, speed]);
             jog_speed = search.as_ref().map_or(jog_speed, |search| search.speed);
             search.map(HomingMethod::Switch)
@@ -364,8 +381,8 @@ pub(super) fn read(
         },
         switches,
         latch,
-        own,
-        stop,
+        index,
+        search: (own.map(OwnSearch::Method)).or(stop.map(OwnSearch::HardStop)),
         test: test.map(|(_, place)| place),
     })
 }
@@ -439,6 +456,7 @@ fn search(
 ) -> Option<SwitchSearch> {
     let direction = direction(log, table);
     let back_off = number(log, table, "back_off", 0.001..=1e6, position);
+    let by_index = table.flag_or(log, "index", false);
     let bounds = bounds(log, table, limits, ([position, speed], true));
     let Bounds {
         speed,
@@ -452,6 +470,7 @@ fn search(
         inputs: Vec::new(),
         captures: Vec::new(),
         is_shared: false,
+        by_index,
         direction: sign(direction?.get_ref()),
         speed,
         slow_speed,
@@ -561,34 +580,30 @@ fn place(
 /// Gives each axis of these drives the homing of its table: the names of its switches are inputs of the machine.
 pub(super) fn join(
     log: &mut Log<'_>,
-    (axes, drives, cycle): (&mut [Axis], &[Drive], Duration),
+    (axes, drives): (&mut [Axis], &[Drive]),
     tables: Vec<Option<HomingTable>>,
     (inputs, places): (&[Input], &[Range<usize>]),
     policy: &Spanned<HomingPolicy>,
 ) {
     // By input: the last axis that has it, and in which order.
     let mut users: Vec<Option<(usize, u32)>> = vec![None; inputs.len()];
-    for (index, table) in tables.into_iter().enumerate() {
+    for (place, table) in tables.into_iter().enumerate() {
         let Some(HomingTable {
             mut homing,
             switches,
             latch,
-            own,
-            stop,
+            index,
             ..
         }) = table
         else {
             continue;
         };
-        let name = axes[index].name();
-        if let Some(stop) = stop {
-            stop.check(log, &axes[index], drives, cycle);
-        }
-        if let (HomingMethod::Drive(homing), Some(place)) = (&homing.method, own) {
-            check_method(log, &axes[index], drives, homing.method, place);
-        }
+        let name = axes[place].name();
         if let (HomingMethod::Switch(search), Some(switches)) = (&mut homing.method, switches) {
-            let sides = axes[index].drives.len();
+            let sides = axes[place].drives.len();
+            if let Some(index) = index.filter(|_| search.by_index) {
+                check_index(log, &axes[place], drives, index);
+            }
             if switches.get_ref().len() != sides {
                 log.report(
                     switches.span(),
@@ -597,18 +612,18 @@ pub(super) fn join(
                 );
             }
             for switch in switches.get_ref() {
-                let Some(input) = home_input(log, &axes[index], switch, (inputs, search)) else {
+                let Some(input) = home_input(log, &axes[place], switch, (inputs, search)) else {
                     continue;
                 };
                 search.inputs.push(input);
-                if let Some((other, order)) = users[input].replace((index, homing.order)) {
+                if let Some((other, order)) = users[input].replace((place, homing.order)) {
                     search.is_shared = true;
-                    share(log, switch, axes, [other, index], [order, homing.order]);
+                    share(log, switch, axes, [other, place], [order, homing.order]);
                 }
             }
             if latch.as_ref().is_none_or(|latch| *latch.get_ref()) {
                 let sides = search.inputs.iter().map(|&input| &inputs[input]);
-                let captures = sides.zip(&axes[index].drives).map(|(switch, &drive)| {
+                let captures = sides.zip(&axes[place].drives).map(|(switch, &drive)| {
                     let captured = capture(switch, drive, drives);
                     if let (None, Some(latch)) = (captured, &latch) {
                         refuse_latch(log, name, latch.span(), switch, &drives[drive]);
@@ -623,7 +638,7 @@ pub(super) fn join(
                     .unwrap_or_default();
             }
         }
-        axes[index].homing = homing;
+        axes[place].homing = homing;
     }
     for ((input, place), user) in inputs.iter().zip(places).zip(&users) {
         if input.meaning == InputMeaning::Home && user.is_none() {
@@ -649,6 +664,35 @@ pub(super) fn join(
     }
 }
 
+/// Whether the drives of each axis are made for its homing.
+pub(super) fn check(log: &mut Log<'_>, machine: &Machine, searches: Vec<Option<OwnSearch>>) {
+    let drives = &machine.drives;
+    for (axis, search) in machine.axes.iter().zip(searches) {
+        match (search, &axis.homing.method) {
+            (Some(OwnSearch::HardStop(stop)), _) => stop.check(log, axis, drives, machine.cycle),
+            (Some(OwnSearch::Method(own)), HomingMethod::Drive(homing)) => {
+                check_method(log, axis, drives, homing.method, own);
+            }
+            _ => {}
+        }
+    }
+}
+
+/// How an axis can be homed whose drive is not made for the homing that the file asks for.
+fn otherwise(axis: &Axis) -> &'static str {
+    match (axis.motion, axis.feedback) {
+        (Motion::Path, Some(feedback)) if feedback.closes_loop => {
+            "leave [axis.homing] out: its encoder tells where it is"
+        }
+        (Motion::Path, _) => "home it with `kind = \"switch\"` or `kind = \"set_here\"`",
+        // No path leads it to a switch.
+        (Motion::PointToPoint, None) => "home it with `kind = \"set_here\"`",
+        (Motion::PointToPoint, Some(_)) => {
+            "leave [axis.homing] out: its encoder tells where it is; or home it with `kind = \"set_here\"`"
+        }
+    }
+}
+
 /// Whether the one drive of an axis homes by itself by that method.
 fn check_method(log: &mut Log<'_>, axis: &Axis, drives: &[Drive], method: u8, place: Range<usize>) {
     let name = axis.name();
@@ -664,7 +708,7 @@ fn check_method(log: &mut Log<'_>, axis: &Axis, drives: &[Drive], method: u8, pl
     let methods = model.homing_methods;
     if !methods.contains(&method) {
         let help = match methods {
-            [] => "home it with `kind = \"switch\"` or `kind = \"set_here\"`".to_owned(),
+            [] => otherwise(axis).to_owned(),
             _ => format!("allowed: one of {methods:?}"),
         };
         let problem = format!(
@@ -698,17 +742,22 @@ fn home_input(
         inputs,
         allowed,
     );
+    // The edge is less than a turn in front of the index.
+    let turn = match search.by_index {
+        true => axis.mm_per_revolution,
+        false => 0.0,
+    };
     if found.is_some_and(|place| end.contains(&place))
-        && (search.position - travel) * search.direction <= 0.0
+        && (search.position - travel) * search.direction <= turn
     {
         log.report(
             switch.span(),
             format!(
                 "{title}: its soft limits go up to {travel}, and its limit switch \"{}\" is on from {} on",
                 switch.get_ref(),
-                search.position
+                search.position - search.direction * turn
             ),
-            "let `soft_limits` end in front of the `position` of the switch",
+            "let `soft_limits` end in front of the switch: of its `position`, with `index` a turn of the motor less",
         );
     }
     found
@@ -720,6 +769,30 @@ fn capture(switch: &Input, drive: usize, drives: &[Drive]) -> Option<&'static Ca
     let own = switch.node == drive;
     own.then(|| model.capture(switch.signal, !switch.active_low))
         .flatten()
+}
+
+/// The index of an axis tells its place where one drive moves it that counts whole turns there.
+fn check_index(log: &mut Log<'_>, axis: &Axis, drives: &[Drive], place: Range<usize>) {
+    let title = format!("axis \"{}\": homing", axis.name());
+    if axis.drives.len() > 1 {
+        log.report(
+            place,
+            format!("{title}: `index` of a gantry"),
+            "leave it out: each side has its index elsewhere, which says nothing of how square they are; `latch` the edges",
+        );
+        return;
+    }
+    let model = drives[axis.drives[0]].model;
+    if !model.abilities.contains(&Ability::CountsWithinTurn) {
+        log.report(
+            place,
+            format!("{title}: `index` of a drive that counts from where it was switched on"),
+            format!(
+                "leave it out: the count of the {} is another one within a turn each time",
+                model.title
+            ),
+        );
+    }
 }
 
 /// No capture of the drive sees its switch.

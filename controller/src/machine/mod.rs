@@ -4,6 +4,8 @@
 //! all keys.
 
 mod axis;
+mod cutting;
+mod dc_bus;
 mod described;
 mod encoder;
 mod fits;
@@ -11,6 +13,7 @@ mod homing;
 mod io_node;
 mod limit_inputs;
 mod node;
+mod path_forces;
 mod probing;
 mod read;
 mod retraction;
@@ -22,12 +25,14 @@ mod state_file;
 mod user_code;
 mod validation;
 
+pub use cutting::Cut;
 pub use encoder::{Encoder, Feedback, MEASURED};
 pub use homing::{
     DriveHoming, HardStopSearch, Homing, HomingMethod, HomingPolicy, Square, SwitchSearch, TestMove,
 };
 pub use io_node::IoNode;
 pub use node::{Node, Seat};
+pub use path_forces::PathForces;
 pub use probing::{ProbeCaptures, Probing, Touched};
 pub(crate) use read::TURN;
 pub use signals::{
@@ -88,6 +93,12 @@ pub struct Machine {
     pub probing: Probing,
     /// What a simulated probe touches, if there is anything.
     pub touched: Touched,
+    /// How its tools cut in a simulation, in the order of the file.
+    pub cuts: Vec<Cut>,
+    /// What comes upon the tool along the path of a program in a simulation, if a file says so.
+    pub path_forces: Option<PathForces>,
+    /// Drives whose DC buses are joined in a simulation, by their index.
+    pub dc_buses: Vec<Vec<usize>>,
     /// What its setpoints go through on their way from the path to the drives.
     pub shaper: Shaper,
     /// How its axes go back to a path that they were jogged off; `None`: on a straight line.
@@ -106,7 +117,8 @@ pub struct Machine {
     pub user_codes: Vec<UserCode>,
     /// What the file says: each value by its table and its key, a number or none.
     pub values: Vec<(String, String, Option<f64>)>,
-    /// The files that describe its devices, in the order of the file, each once: a description, then its data sheet.
+    /// The files that describe its devices, in the order of the file, each once: a description, then its data sheet; behind
+    /// them the one with the forces upon the tool.
     pub descriptions: Vec<PathBuf>,
     assumptions: Vec<(&'static Model, Assumed)>,
 }
@@ -192,6 +204,9 @@ pub const COORDINATES: usize = gcode::AxisLetter::ALL.len();
 /// From one request for the position of a device that is asked by SDO to the next. Short against the time for which axes are
 /// looked at to tell that they stand, so that what moves is not taken to rest.
 pub(crate) const POLL: Duration = Duration::from_millis(20);
+
+/// From one request for the state of such a drive to the next, which goes before one for its position.
+pub(crate) const STATE_POLL: Duration = Duration::from_millis(50);
 
 /// A place in machine coordinates, mm and degrees; 0 for the axes that the machine does not have.
 pub type Position = [f64; COORDINATES];
@@ -431,6 +446,12 @@ impl Machine {
             file: file.into(),
             diagnostics,
         })
+    }
+
+    /// Whether forces come upon the tool in a simulation.
+    #[must_use]
+    pub fn is_cutting(&self) -> bool {
+        !self.cuts.is_empty() || self.path_forces.is_some()
     }
 
     /// All devices: the drives of axes, behind them the encoders, behind those the I/O nodes, behind all the drive of

@@ -1,7 +1,7 @@
 //! `[probing]`: what holds for G38.2 to G38.5, and `[simulation]`: what a simulated probe touches, and a tool.
 
 use super::simulation::{number, number_or};
-use super::{Drive, Input, InputMeaning};
+use super::{Cut, Drive, Input, InputMeaning, cutting};
 use std::ops::RangeInclusive;
 use syncline_drives::mechanics::touch_probe::{Solid, TouchProbe};
 use syncline_drives::model::Capture;
@@ -114,8 +114,12 @@ impl Touched {
     }
 }
 
-/// `[simulation]` of a machine file.
-pub(super) fn simulated(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Touched> {
+/// `[simulation]` of a machine file; `cuts` is to be how its tools cut.
+pub(super) fn simulated(
+    log: &mut Log<'_>,
+    mut table: Table<'_, '_>,
+    cuts: &mut Vec<Cut>,
+) -> Option<Touched> {
     let ball = number_or(
         log,
         &mut table,
@@ -126,7 +130,9 @@ pub(super) fn simulated(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<T
     );
     let pieces = table.tables_if(log, "workpiece", "name");
     let setter = table.table_if(log, "tool_setter", "a table [simulation.tool_setter]");
+    let cutting = table.tables_if(log, "cutting", "tool");
     table.finish(log);
+    *cuts = cutting::read(log, cutting);
     let solids: Vec<_> = (pieces.into_iter().map(|piece| solid(log, piece))).collect();
     let tool_setter = match setter {
         Some(setter) => Some(TouchProbe {

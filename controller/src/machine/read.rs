@@ -3,6 +3,7 @@
 //! so that one mistake does not cause complaints about another thing.
 
 use super::axis::AxisTable;
+use super::dc_bus::{self, DcBusTable};
 use super::described;
 use super::encoder::{self, EncoderTable};
 use super::fits::{self, Pairing};
@@ -10,6 +11,7 @@ use super::homing::{self, HomingTable};
 use super::io_node::IoTable;
 use super::limit_inputs;
 use super::node::{self, NodeTable, node_id};
+use super::path_forces;
 use super::probing;
 use super::retraction::RetractionTable;
 use super::shaper::ShaperTable;
@@ -18,10 +20,11 @@ use super::simulation;
 use super::spindle::SpindleTable;
 use super::user_code::UserCodeTable;
 use super::{
-    Bus, Controller, Drive, HomingPolicy, Machine, Motion, PathTolerances, Probing, Validation,
-    assumed, spindle, validation,
+    Bus, Controller, Cut, Drive, HomingPolicy, Machine, Motion, PathForces, PathTolerances,
+    Probing, Validation, assumed, spindle, validation,
 };
 use std::{collections::BTreeMap, ops::Range, path::Path, time::Duration};
+use syncline_canopen::BIT_RATES;
 use syncline_drives::model::{Assumed, Direction, Increments, MODELS, Model, Scaling};
 use syncline_gcode as gcode;
 use syncline_strict_toml::{Diagnostic, Log, Table, nearest, one_of};
@@ -30,11 +33,6 @@ use toml::{Spanned, de::DeTable};
 
 /// Degrees for one turn of a rotary axis.
 pub(crate) const TURN: f64 = 360.0;
-
-/// CAN bit rates that CANopen uses (CiA 301), in bit/s.
-const BITRATES: [i64; 8] = [
-    10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
-];
 
 pub(super) fn machine(folder: &Path, source: &str) -> Result<Machine, Vec<Diagnostic>> {
     let mut log = Log::new(source);
@@ -70,6 +68,9 @@ struct Tables {
     homing: Spanned<HomingPolicy>,
     probing: Probing,
     touched: probing::Touched,
+    cuts: Vec<Cut>,
+    path_forces: Option<PathForces>,
+    dc_buses: Vec<DcBusTable>,
     shaper: Option<ShaperTable>,
     retraction: Option<RetractionTable>,
     validation: Validation,
@@ -128,7 +129,14 @@ impl Tables {
         let homing = homing.unwrap_or_else(|| Table::new("homing", 0..0, &empty));
         let homing = homing::policy(log, homing);
         let probing = probing.map(|table| probing::read(log, table));
-        let touched = simulation.and_then(|table| probing::simulated(log, table));
+        let mut cuts = Vec::new();
+        let mut path_forces = None;
+        let mut dc_buses = Vec::new();
+        let touched = simulation.and_then(|mut table| {
+            path_forces = path_forces::read(log, folder, &mut table);
+            dc_buses = dc_bus::read(log, &mut table);
+            probing::simulated(log, table, &mut cuts)
+        });
         let shaper = shaper.and_then(|table| ShaperTable::read(log, table));
         let retraction = retraction.and_then(|table| RetractionTable::read(log, table));
         let validation = validation.map(|table| validation::read(log, table));
@@ -151,6 +159,9 @@ impl Tables {
             homing,
             probing: probing.unwrap_or_default(),
             touched: touched.unwrap_or_default(),
+            cuts,
+            path_forces,
+            dc_buses,
             shaper,
             retraction,
             validation: validation.unwrap_or_default(),
@@ -182,7 +193,8 @@ impl Tables {
         let devices = drives.chain(encoders).chain(io_nodes);
         let devices: Vec<_> = devices.chain(turning.iter().map(|it| &it.node)).collect();
         let described = described::models(log, &devices);
-        let descriptions = described::files(&devices);
+        let mut descriptions = described::files(&devices);
+        descriptions.extend(self.path_forces.iter().map(|it| it.file.clone()));
         let bus_of = node::places(log, &devices, &self.buses, &self.cycle, controller.node);
 
         self.assumptions.extend(described);
@@ -251,6 +263,7 @@ impl Tables {
         for axis in &axes {
             simulation::check(log, axis, &axes);
         }
+        let dc_buses = dc_bus::join(log, &self.dc_buses, &drives, &axes);
         let retraction = self.retraction.as_ref();
         let retraction = retraction.and_then(|table| table.join(log, &axes));
         let places = self.signals.inputs();
@@ -271,11 +284,14 @@ impl Tables {
         } = signals;
         let wired = (&inputs[..], &places[..]);
         let (homings, limit_switches): (Vec<_>, Vec<_>) = rest.into_iter().unzip();
+        let mut homings: Vec<Option<HomingTable>> = homings;
+        let searches = homings.iter_mut().map(|it| it.as_mut()?.take_search());
+        let searches: Vec<_> = searches.collect();
         let test_moves: Vec<_> = (homings.iter())
             .map(|table| table.as_ref().and_then(HomingTable::test_move))
             .collect();
         limit_inputs::join(log, &mut axes, &limit_switches, wired);
-        let joined = (&mut axes[..], &drives[..], cycle);
+        let joined = (&mut axes[..], &drives[..]);
         homing::join(log, joined, homings, wired, &self.homing);
         let mut machine = Machine {
             name: self.name,
@@ -292,6 +308,9 @@ impl Tables {
             homing: self.homing.into_inner(),
             probing: self.probing,
             touched: self.touched,
+            cuts: self.cuts,
+            path_forces: self.path_forces,
+            dc_buses,
             shaper: shaper.unwrap_or_else(Shaper::none),
             retraction,
             validation: self.validation,
@@ -305,6 +324,8 @@ impl Tables {
             assumptions: self.assumptions,
         };
         fits::settle_motions(log, &mut machine, &motions, &named);
+        homing::check(log, &machine, searches);
+        fits::check_pairs(log, &machine, &named);
         limit_inputs::check(log, &machine, &limit_switches);
         encoder::check(log, &machine, &stated);
         fits::check_ramps(log, &machine, &named);
@@ -488,9 +509,10 @@ pub(super) struct BusTable {
 impl BusTable {
     fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Self> {
         let name = name(log, &mut table);
-        let rates = BITRATES.map(|rate| rate.to_string()).join(", ");
-        let bitrate = table.number(log, "bitrate", &format!("{rates} (bit/s)"), |rate| {
-            BITRATES.iter().any(|allowed| *allowed as f64 == rate)
+        let rates: Vec<String> = BIT_RATES.iter().map(u32::to_string).collect();
+        let allowed = format!("{} (bit/s)", rates.join(", "));
+        let bitrate = table.number(log, "bitrate", &allowed, |rate| {
+            BIT_RATES.iter().any(|allowed| f64::from(*allowed) == rate)
         });
         let allowed = "\"sim\" for simulated drives, or the name of a CAN interface, \"can0\"";
         let port = table.text_or(log, "port", "sim", allowed, |text| !text.trim().is_empty());

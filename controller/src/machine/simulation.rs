@@ -7,7 +7,9 @@
 use super::Axis;
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
-use syncline_drives::mechanics::drive_train::{Brake, DriveTrain, Elasticity, LeadError};
+use syncline_drives::mechanics::drive_train::{
+    Brake, DriveTrain, Elasticity, Expansion, LeadError,
+};
 use syncline_drives::mechanics::friction::Friction;
 use syncline_drives::mechanics::rigid_beam::{self, Beam, Racking};
 use syncline_drives::mechanics::structure::StructureMode;
@@ -169,6 +171,8 @@ pub struct FeedAxis {
     end_stops: Option<(f64, f64)>,
     /// Position and error, mm.
     lead_error: Vec<(f64, f64)>,
+    /// Where it is fixed in mm.
+    expansion: Expansion,
 }
 
 /// Inertia of the load over that of the rotor where nothing is said: about that of 40 kg over 20 mm.
@@ -214,6 +218,9 @@ const N_PER_MICROMETRE: f64 = 1e6;
 
 /// Most modes of a structure along an axis.
 const MOST_MODES: usize = 8;
+
+/// By how much steel grows with warmth, µm/m/K: what ISO 230-3 and the makers of ball screws reckon with lies from 11 to 12.
+const STEEL: f64 = 11.5;
 
 /// What does not give way.
 const STIFF: &str = "stiff";
@@ -322,6 +329,10 @@ impl FeedAxis {
                 brake: self.brake,
                 stops,
                 lead_error: LeadError::new(errors.collect()),
+                expansion: Expansion {
+                    fixed: revolutions(self.expansion.fixed),
+                    ..self.expansion
+                },
             },
         }
     }
@@ -582,6 +593,7 @@ fn feed_axis(
         },
         end_stops: None,
         lead_error: Vec::new(),
+        expansion: Expansion::default(),
         motor,
     };
     axis.guide.breakaway = axis.guide.coulomb;
@@ -635,6 +647,24 @@ fn load(log: &mut Log<'_>, table: &mut Table<'_, '_>, rotary: bool, axis: &mut F
     let found = table.points_if(log, "lead_error", &allowed, accept);
     let points = found.map_or(Vec::new(), |points| points.into_inner());
     axis.lead_error = points.into_iter().map(|[at, it]| (at, it * 1e-3)).collect();
+    if !rotary {
+        axis.expansion = expansion(log, table);
+    }
+}
+
+/// By how much the transmission grows with warmth; its other keys are there with `temperature_rise` only.
+fn expansion(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Expansion {
+    let allowed = "a number from -100 to 100 (K)";
+    let rise = table.number_if(log, "temperature_rise", allowed, |rise| rise.abs() <= 100.0);
+    let Some(rise) = rise.map(Spanned::into_inner) else {
+        return Expansion::default();
+    };
+    let mut number = |key, default, range, unit| number_or(log, table, key, default, range, unit);
+    Expansion {
+        strain: 1e-6 * rise * number("expansion", STEEL, 0.0..=100.0, "(µm/m/K)"),
+        fixed: number("fixed_at", 0.0, -1e7..=1e7, "(mm)"),
+        time: number("warming_time", 0.0, 0.0..=1e6, "(s)"),
+    }
 }
 
 /// How unevenly a spindle turns.

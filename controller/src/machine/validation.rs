@@ -8,6 +8,8 @@ use syncline_strict_toml::{Log, Table};
 pub struct Validation {
     /// `contour_error`: the greatest distance of the tool from the programmed path, mm.
     pub contour_error: f64,
+    /// `circular_deviation`: the greatest of any full circle, mm.
+    pub circular_deviation: f64,
     /// `following_error`: the greatest of any axis, mm.
     pub following_error: f64,
     /// `skew`: how far the sides of a gantry may be apart, mm.
@@ -28,6 +30,7 @@ impl Default for Validation {
     fn default() -> Self {
         Self {
             contour_error: f64::INFINITY,
+            circular_deviation: f64::INFINITY,
             following_error: f64::INFINITY,
             skew: f64::INFINITY,
             torque: f64::INFINITY,
@@ -41,8 +44,13 @@ impl Default for Validation {
 
 pub(super) fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Validation {
     let mut most = |key| table.positive_or(log, key, f64::INFINITY, "(mm)");
-    let [contour_error, following_error, skew] =
-        ["contour_error", "following_error", "skew"].map(&mut most);
+    let [contour_error, circular_deviation, following_error, skew] = [
+        "contour_error",
+        "circular_deviation",
+        "following_error",
+        "skew",
+    ]
+    .map(&mut most);
     let rms_torque = table.positive_or(log, "rms_torque", f64::INFINITY, "(of the continuous one)");
     let phase_margin = number_or(
         log,
@@ -67,6 +75,7 @@ pub(super) fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Validation {
     table.finish(log);
     Validation {
         contour_error,
+        circular_deviation,
         following_error,
         skew,
         torque,

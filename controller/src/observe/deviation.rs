@@ -3,7 +3,7 @@
 //! The contour error is the distance of the tool from the program's moves. It has three parts: what the planner
 //! rounds off, which is how far the setpoint is from them; what the drives make of the setpoints, which
 //! is how far the axes are off the path of those (`trail`); and what lies between the motors and the tool: what twists,
-//! has play or a lead error in between (`transmission`), and the sway of the structure (`structure`). In the worst
+//! has play or a lead error, or grows with warmth (`transmission`), and the sway of the structure (`structure`). In the worst
 //! case they add up.
 
 use super::Observed;

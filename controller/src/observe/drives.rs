@@ -5,11 +5,13 @@
 //! without the drive's own idea of it. What is over between two cycles is not seen. Speed is held against that
 //! at which the motor's voltage is used up without load, where the drive's power stage is simulated.
 
+use super::cutting::{CuttingSummary, CuttingWatch};
 use super::kept::Kept;
 use super::limits::Watch;
 use super::record::{Greatest, Place, Violation};
 use super::structure::StructureWatch;
 use super::summary::{DriveSummary, GantrySummary, StructureSummary, TransmissionSummary};
+use super::supply::SupplyWatch;
 use super::transmission::TransmissionWatch;
 use crate::machine::{Axis, Drive, FeedAxis, Machine, Position, Simulation, Validation};
 use syncline_drives::model::Increments;
@@ -24,6 +26,7 @@ pub(super) struct Drives {
     gantries: Vec<GantryWatch>,
     structures: Vec<StructureWatch>,
     transmissions: Vec<TransmissionWatch>,
+    cutting: Option<CuttingWatch>,
     /// The drives at the last SYNC.
     seen: Vec<Observation>,
     /// Cycles in which they were seen.
@@ -48,6 +51,9 @@ struct DriveWatch {
     speed: Greatest,
     /// Sum of the squares of its torque.
     squares: f64,
+    supply: SupplyWatch,
+    /// s.
+    cycle: f64,
     watches: [Watch; 2],
     /// Of an axis with a weight.
     hanging: Option<Hanging>,
@@ -109,6 +115,7 @@ impl Drives {
             transmissions: (machine.axes.iter())
                 .filter_map(|axis| TransmissionWatch::new(machine, axis))
                 .collect(),
+            cutting: CuttingWatch::new(machine),
             seen: Vec::with_capacity(machine.drives.len()),
             rows: 0,
         }
@@ -138,6 +145,9 @@ impl Drives {
         }
         for transmission in &mut self.transmissions {
             transmission.observe(at, &self.seen);
+        }
+        if let Some(cutting) = &mut self.cutting {
+            cutting.observe(at, &self.seen);
         }
     }
 
@@ -193,6 +203,12 @@ impl Drives {
         (drives.collect(), gantries.collect(), structures.collect())
     }
 
+    /// With which force tools cut, where something cuts.
+    pub(super) fn cutting(&self) -> Option<CuttingSummary> {
+        let seen = self.cutting.as_ref().filter(|_| self.rows > 0);
+        seen.map(CuttingWatch::summary)
+    }
+
     /// By how much loads were not where their motors say, by axis.
     pub(super) fn transmissions(&self) -> Vec<TransmissionSummary> {
         let seen = self.transmissions.iter();
@@ -219,6 +235,8 @@ impl DriveWatch {
             torque: Greatest::default(),
             speed: Greatest::default(),
             squares: 0.0,
+            supply: SupplyWatch::default(),
+            cycle: machine.cycle.as_secs_f64(),
             watches: Default::default(),
             hanging: hanging.then(|| Hanging {
                 travel: drive.scaling.travel_per_revolution(),
@@ -234,6 +252,7 @@ impl DriveWatch {
         self.torque.look(torque, at);
         self.speed.look(speed, at);
         self.squares += torque * torque;
+        self.supply.observe(at, seen);
         if let Some(hanging) = self.hanging.as_mut().filter(|_| seen.is_powered) {
             hanging.held = Some(seen.position);
         }
@@ -293,6 +312,7 @@ impl DriveWatch {
             limited_after_s: self
                 .motor
                 .and_then(|it| lasts(&it, root_mean(self.squares, rows))),
+            supply: self.supply.summary(rows as f64 * self.cycle),
             max_speed_rpm: 60.0 * self.speed.value,
             speed_reserve: self.most_speed.map(|most| 1.0 - self.speed.value / most),
             drop: self.hanging.as_ref().and_then(|it| it.drop),

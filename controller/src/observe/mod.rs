@@ -6,6 +6,8 @@
 //! - `mapping`: which bytes of their PDOs are what
 //! - `differences`: what positions at the SYNCs say of the motion between them
 //! - [`axis_log`]: setpoint, position and torque of one axis, for who identifies it
+//! - [`circles`]: the circular test on full circles
+//! - [`cutting`]: with which force tools cut in a simulation
 //! - [`deviation`]: setpoint and tool against the programmed geometry
 //! - `trail`: the path of the setpoints, which the drives are to follow
 //! - [`loops`]: how far the loops of simulated drives are from swinging
@@ -22,12 +24,15 @@
 //! - [`sampled`]: motion that is known by samples alone, against limits
 //! - [`record`]: every row for a report, and what must not be
 //! - [`switched`]: what M-codes switched, and when
+//! - [`supply`]: I²t, DC bus and braking resistor of simulated drives
 //! - [`summary`]: the result
 //! - [`frames`]: what the simulated buses carried: hash, utilisation
 //! - [`flight_recorder`]: the last seconds before a fault
 //! - [`timing`]: how punctual a cycle was
 
 pub mod axis_log;
+pub mod circles;
+pub mod cutting;
 pub mod deviation;
 mod differences;
 mod drives;
@@ -47,6 +52,7 @@ pub mod sampled;
 pub mod sent;
 mod structure;
 pub mod summary;
+pub mod supply;
 pub mod switched;
 pub mod timing;
 pub mod trace;
@@ -61,6 +67,7 @@ use crate::machine::{Axis, COORDINATES, Machine, Position, Validation};
 use crate::program::bounds::TimeBounds;
 use crate::program::{Extent, Moves, counted_speed};
 use axis_log::AxisLog;
+use circles::Circles;
 use deviation::Deviation;
 use drives::Drives;
 use kept::Kept;
@@ -128,6 +135,7 @@ pub struct Observers {
     sent: Option<SentSetpoints>,
     operations: Operations,
     places: Places,
+    circles: Circles,
     switched: Switched,
     violations: Kept<Violation>,
     trace: Option<Trace>,
@@ -169,6 +177,7 @@ impl Observers {
             sent,
             operations: Operations::default(),
             places: Places::default(),
+            circles: Circles::new(machine),
             switched: Switched::default(),
             violations: Kept::default(),
             trace: trace.map(|file| Trace::begin(file, machine)),
@@ -260,6 +269,9 @@ impl Observers {
         self.switched.observe(row, time);
         let tool = self.drives.tool(&observed.actual);
         let off_path = (self.deviation).observe(observed, &tool, time, &mut self.violations);
+        if self.samples.is_none() {
+            (self.circles).observe(observed, &tool, time, &mut self.violations);
+        }
         self.places.observe(&Seen {
             at: self.last(),
             off_path: off_path.map(|it| [it.setpoint, it.tool]),
@@ -360,6 +372,7 @@ impl Observers {
             axis.close(&mut self.violations);
         }
         self.deviation.close(&mut self.violations);
+        self.circles.close(&mut self.violations);
         let end = self.last();
         self.drives.close(end, &mut self.violations);
         // Whatever was before, what ended the run is told.
@@ -455,6 +468,8 @@ impl Observers {
         let finished = matches!(controller.end(), Some(End::Finished | End::SwitchedOff));
         let (drives, gantries, structures) = self.drives.summaries();
         let transmissions = self.drives.transmissions();
+        let cutting = self.drives.cutting();
+        let (circles, circles_left_off) = std::mem::take(&mut self.circles.told).end();
         let cycle = self.cycle;
         let seconds = |cycles| seconds(cycle, cycles);
         let (switched, switched_left_off) = std::mem::take(&mut self.switched).end();
@@ -488,6 +503,9 @@ impl Observers {
             gantries,
             structures,
             transmissions,
+            circles,
+            circles_left_off,
+            cutting,
             loops: std::mem::take(&mut self.loops),
             operations,
             operations_left_off,

@@ -1,7 +1,7 @@
 //! How the simulated machine's structure sways as its axes accelerate, and what the tool is off by.
 //!
 //! The loads of the drives are seen once a cycle, shortly behind its SYNC; the structure is
-//! [swayed](syncline_drives::mechanics::structure) by what their momentum has changed by. What the tool is off by at a SYNC
+//! [swayed](syncline_drives::mechanics::structure) by what their momentum has changed by, and by what pushes at the tool. What the tool is off by at a SYNC
 //! is a cycle ahead of what was seen behind the one before.
 
 use super::record::{Greatest, Place};
@@ -46,6 +46,8 @@ struct Load {
     travel: f64,
     /// kg.
     mass: f64,
+    /// m for a radian of the shaft, in the axis's direction.
+    lever: f64,
 }
 
 impl StructureWatch {
@@ -61,6 +63,7 @@ impl StructureWatch {
             Load {
                 drive,
                 travel,
+                lever,
                 mass: train.load_inertia / (lever * lever),
             }
         };
@@ -90,7 +93,9 @@ impl StructureWatch {
             && now > before
         {
             let dt = (now - before).as_secs_f64();
-            self.structure.step(dt, (had - momentum) / dt);
+            let pushed = |load: &Load| seen[load.drive].outside / load.lever;
+            let pushed: f64 = self.loads.iter().map(pushed).sum();
+            self.structure.step(dt, (had - momentum) / dt + pushed);
         }
         self.sway.look(self.structure.sway().abs() * 1e3, at);
         let rests = self.loads.iter().all(|load| speed(load).abs() < RESTS);

@@ -1,5 +1,7 @@
 //! The result of a run, for programs (`--json`) and for people.
 
+use super::circles::CircleSummary;
+use super::cutting::CuttingSummary;
 use super::limits::AxisWatches;
 use super::loops::LoopSummary;
 use super::operations::{Operation, ToolTime};
@@ -7,6 +9,7 @@ use super::places::{SlowestPlace, WorstPlace};
 use super::positioning::Positioning;
 use super::provenance::Provenance;
 use super::record::{Place, Violation};
+use super::supply::SupplySummary;
 use super::switched::SwitchedState;
 use crate::program::bounds::{BoundShare, STEP, TimeBounds};
 use serde::Serialize;
@@ -65,6 +68,15 @@ pub struct Summary {
     /// How far what the drives move was from where they say, along axes whose simulation says what is between the two.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub transmissions: Vec<TransmissionSummary>,
+    /// The circular test on each turn round a full circle of the program: the first 10,000.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub circles: Vec<CircleSummary>,
+    /// Further turns.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub circles_left_off: u64,
+    /// With which force tools cut, where the simulation says how they do.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cutting: Option<CuttingSummary>,
     /// The loops of simulated servo drives, as they are set in the end, in a validation.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub loops: Vec<LoopSummary>,
@@ -334,6 +346,9 @@ pub struct DriveSummary {
     /// never is, or where the motor is not described.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub limited_after_s: Option<f64>,
+    /// What its power stage was loaded with, if it is simulated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub supply: Option<SupplySummary>,
     /// Greatest speed, 1/min.
     pub max_speed_rpm: f64,
     /// What part was left of the speed at which its voltage is used up, if its power stage is simulated.
@@ -388,7 +403,7 @@ pub struct StructureSummary {
     pub response: Vec<Compliance>,
 }
 
-/// How far what the drives of an axis move was from where they say, by twist, play and lead error.
+/// How far what the drives of an axis move was from where they say, by twist, play, lead error and expansion.
 #[derive(Clone, Debug, Serialize)]
 pub struct TransmissionSummary {
     /// The axis.
@@ -421,6 +436,9 @@ pub struct Compliance {
     /// µm/N.
     pub um_per_n: f64,
 }
+
+/// So many circles are told to a person.
+const CIRCLES: usize = 10;
 
 /// As a person reads it.
 impl fmt::Display for Summary {
@@ -477,6 +495,14 @@ impl fmt::Display for Summary {
         }
         for transmission in &self.transmissions {
             writeln!(f, "transmission {:<5} {transmission}", transmission.axis)?;
+        }
+        for circle in self.circles.iter().take(CIRCLES) {
+            writeln!(f, "circle             line {}: {circle}", circle.at.line)?;
+        }
+        let more = self.circles.len().saturating_sub(CIRCLES) as u64;
+        left_off(f, more + self.circles_left_off, "circles")?;
+        if let Some(cutting) = &self.cutting {
+            writeln!(f, "cutting            {cutting}")?;
         }
         for loops in &self.loops {
             writeln!(f, "loops {:<12} {loops}", loops.drive)?;
@@ -601,6 +627,9 @@ impl fmt::Display for DriveSummary {
                 f,
                 ", over and over its torque is limited after {after:.0} s"
             )?;
+        }
+        if let Some(supply) = &self.supply {
+            write!(f, "; {supply}")?;
         }
         write!(f, "; speed max {:.0} 1/min", self.max_speed_rpm)?;
         if let Some(reserve) = self.speed_reserve {

@@ -1,4 +1,4 @@
-//! By how much what the drives move is not where their motors say: twist, play and lead error between the two.
+//! By how much what the drives move is not where their motors say: twist, play, lead error and expansion between the two.
 //!
 //! The tool is at the load, and a drive's encoder is at its motor. Both are seen once a cycle, shortly behind its SYNC; what
 //! the load is off by at a SYNC is what was seen behind the one before, and how it changed by then. It counts from the first

@@ -10,7 +10,7 @@ use syncline_drives::bus::{Band, BitRate};
 use syncline_drives::mechanics::rigid::Rigid;
 use syncline_drives::mechanics::rigid_beam::{RigidBeam, Side};
 use syncline_drives::mechanics::touch_probe::TouchProbe;
-use syncline_drives::model::{Direction, Increments, Model};
+use syncline_drives::model::{Address, Direction, Increments, Model};
 use syncline_drives::twin::servo::encoder::Scale;
 use syncline_drives::twin::{Config, Disturbance, Kind, Sensor, SimulatedDevice};
 use syncline_drives::world::{
@@ -37,6 +37,12 @@ impl SimPort {
             sent: Vec::with_capacity(128),
             received: Vec::with_capacity(256),
         }
+    }
+
+    /// Which bus that is.
+    #[must_use]
+    pub fn bus(&self) -> BusId {
+        self.bus
     }
 }
 
@@ -161,6 +167,9 @@ impl Simulated {
         if let Some(chain) = enable_chain(machine, |device| devices[device]) {
             world.feed_through(chain);
         }
+        for bus in &machine.dc_buses {
+            world.join_dc_buses(joined(machine, bus, |drive| devices[drive])?);
+        }
         Ok(Self {
             world,
             buses,
@@ -231,6 +240,9 @@ pub fn hosted(
     if let Some(chain) = enable_chain(machine, |device| place(device).map(Hosted::at)) {
         hosted.feed_through(chain);
     }
+    for bus in &machine.dc_buses {
+        hosted.join_dc_buses(joined(machine, bus, |drive| place(drive).map(Hosted::at))?);
+    }
     Ok(hosted)
 }
 
@@ -247,6 +259,7 @@ pub fn config(machine: &Machine, index: usize, seed: u64) -> Config {
             .filter_map(|input| Some((input.place as u8, input.course()?)))
             .collect(),
         dictionary: node.model.generic.map(|_| node.model.dictionary),
+        mapped: mapped(machine, index),
         ..single(node.id, index, seed)
     };
     let Some(Seat { axis, scaling }) = node.seat else {
@@ -283,6 +296,17 @@ pub fn config(machine: &Machine, index: usize, seed: u64) -> Config {
         limit_switches: simulation.and_then(|it| it.switches.limits.map(range)),
         ..config
     }
+}
+
+/// What the maker of a device that a file describes has mapped into its PDOs, as the controller takes it to be.
+fn mapped(machine: &Machine, index: usize) -> Vec<(Address, i64)> {
+    if machine.node(index).model.generic.is_none() {
+        return Vec::new();
+    }
+    let device = machine.device(index);
+    let identity = device.spec().identity.iter();
+    let mapped = identity.filter(|it| (0x1600..0x1C00).contains(&it.address.index));
+    mapped.map(|it| (it.address, it.value.into())).collect()
 }
 
 /// A drive that turns a spindle.
@@ -361,6 +385,30 @@ fn fitted_probe(
         axes: axes.map(drives),
         wires: wires.collect(),
     }))
+}
+
+/// The drives of a joined DC bus, by where each is in a world: all of them, or none.
+///
+/// # Errors
+/// Some are elsewhere, and have another clock.
+fn joined(
+    machine: &Machine,
+    bus: &[usize],
+    device: impl Fn(usize) -> Option<DeviceId>,
+) -> Result<Vec<DeviceId>, PortError> {
+    let here: Vec<DeviceId> = bus.iter().filter_map(|&drive| device(drive)).collect();
+    let split = !here.is_empty() && here.len() < bus.len();
+    let first = bus.first().filter(|_| split);
+    first.map_or(Ok(here), |&drive| {
+        let drive = &machine.drives[drive];
+        Err(PortError {
+            bus: machine.buses[drive.bus].name.clone(),
+            what: format!(
+                "the DC bus of {} is joined to drives that are not simulated by the same clock",
+                drive.name
+            ),
+        })
+    })
 }
 
 /// The enable chain of a machine with the drives that it has to stop, by where each of its devices is in a world. What

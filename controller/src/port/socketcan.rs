@@ -48,7 +48,7 @@ const MOST_CALLS: usize = 4;
 pub struct Options {
     /// The bit rate that the interface must run at; not checked where it has none (vcan).
     pub bit_rate: u32,
-    /// Identifiers to receive: T_PDOs, SDO answers, EMCY, error control.
+    /// Identifiers to receive: T_PDOs, SDO answers, EMCY, error control. What only a master sends is received, too.
     pub receive: Vec<CobId>,
     /// Identifier of the controller's own heartbeat: from elsewhere it is received, too.
     pub heartbeat: CobId,
@@ -178,9 +178,9 @@ impl SocketCan {
 struct Queued {
     /// Frames of bursts.
     bursts: usize,
-    /// What other sockets of this port send and the receiving one gets as well, SYNCs and heartbeats: how many
+    /// What other sockets of this port send and the receiving one gets as well, SYNCs, NMT commands and heartbeats: how many
     /// have not come back to it.
-    returning: [(CanId, usize); 2],
+    returning: [(CanId, usize); 3],
 }
 
 impl Queued {
@@ -188,7 +188,7 @@ impl Queued {
     fn new(heartbeat: CobId) -> Self {
         Self {
             bursts: 0,
-            returning: [CobId::SYNC, heartbeat].map(|id| (id.into(), 0)),
+            returning: [CobId::SYNC, CobId::NMT, heartbeat].map(|id| (id.into(), 0)),
         }
     }
 
@@ -206,7 +206,7 @@ impl Queued {
         self.returning.iter_mut().for_each(|(_, count)| *count = 0);
     }
 
-    /// Whether a frame is one of ours that left. The burst's own socket marks its frames; SYNC and the
+    /// Whether a frame is one of ours that left. The burst's own socket marks its frames; SYNC, NMT commands and the
     /// heartbeat come from other sockets of this port, so as many are ours as were sent.
     fn is_echo(&mut self, frame: &Frame, flags: c_int) -> bool {
         if flags & libc::MSG_CONFIRM != 0 {
@@ -361,7 +361,7 @@ fn sending_socket(interface: &str, band: c_int) -> io::Result<CanSocket> {
 fn receiving_socket(interface: &str, options: &Options) -> io::Result<CanSocket> {
     let socket = socket_in_band(interface, MIDDLE_BAND)?;
     let ids = options.receive.iter().chain(&options.burst);
-    let ids = ids.chain([&CobId::SYNC, &options.heartbeat]);
+    let ids = ids.chain([&CobId::SYNC, &CobId::NMT, &options.heartbeat]);
     let filters: Vec<CanFilter> = ids.map(exactly).collect();
     socket.set_filters(&filters)?;
     socket.set_recv_own_msgs(true)?;

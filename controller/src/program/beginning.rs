@@ -41,7 +41,14 @@ fn switched(action: &Action) -> Option<String> {
     Some(match action {
         Action::Stop(gcode::Stop::ToolChange { .. }) => "the tool".to_owned(),
         Action::Spindle(_) => "the spindle".to_owned(),
-        Action::Coolant(_) => "the coolant".to_owned(),
+        Action::Coolant(change) => {
+            let said =
+                [("mist", change.mist), ("flood", change.flood)].map(|(name, on)| match on? {
+                    true => Some(format!("{name} on")),
+                    false => Some(format!("{name} off")),
+                });
+            said.into_iter().flatten().collect::<Vec<_>>().join(", ")
+        }
         Action::Output(output) => output.to_string(),
         _ => return None,
     })

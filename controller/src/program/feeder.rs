@@ -363,7 +363,7 @@ impl Feeder {
             self.switch(line, Switch::Spindle(left.modes().spindle));
         }
         if left.modes().coolant != before.coolant {
-            self.switch(line, Switch::Coolant(left.modes().coolant));
+            self.switch(line, Switch::Coolant(left.modes().coolant.into()));
         }
         self.stop_then(StopPoint::End);
     }

@@ -689,9 +689,9 @@ impl Program {
         self.entered.is_some()
     }
 
-    /// Has the program begin with outputs that are like this.
-    pub fn begin_with(&mut self, outputs: gcode::Outputs) {
-        self.setup.outputs = outputs;
+    /// Has the program begin with these outputs, and with this coolant running.
+    pub fn begin_with(&mut self, outputs: gcode::Outputs, coolant: gcode::Coolant) {
+        (self.setup.outputs, self.setup.coolant) = (outputs, coolant);
     }
 
     /// Whether somebody said that nobody wants the program any more.

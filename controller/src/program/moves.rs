@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Weak};
 use syncline_gcode::{self as gcode, Action, Modes, PathMode, Place, WorkCoordinates};
-use syncline_trajectory::path::curve::ArcDefinition;
+use syncline_trajectory::path::curve::{ArcDefinition, Circle};
 use syncline_trajectory::path::segment_fitting::MoveEnd;
 use syncline_trajectory::path::{Curve, CurveError, Line, PathControlMode, Plane};
 
@@ -90,6 +90,18 @@ impl ProgramMove {
         match &self.shape {
             Shape::Line(line) => Curve::Line(*line),
             Shape::Bent(curve) => **curve,
+        }
+    }
+
+    /// The circle that it is all of, or a part: [`Arc::circle`](syncline_trajectory::path::Arc::circle).
+    #[must_use]
+    pub fn circle(&self, within: f64) -> Option<Circle> {
+        match &self.shape {
+            Shape::Bent(curve) => match &**curve {
+                Curve::Arc(arc) => arc.circle(within),
+                Curve::Line(_) | Curve::Poly(_) => None,
+            },
+            Shape::Line(_) => None,
         }
     }
 }

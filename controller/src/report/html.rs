@@ -3,7 +3,7 @@
 use super::plot::{self, Along, Curve};
 use super::strips::{Line, Mark, Strip, strips};
 use super::{
-    AxisReport, Report, Summary, Violation, data, distribution,
+    AxisReport, Report, Summary, Violation, circles, data, distribution,
     scale::{count, number},
     spectrum, tables,
     toolpath::ToolPath,
@@ -28,6 +28,7 @@ pub(super) fn page(report: &Report, summary: Option<&Summary>) -> String {
         let title = "Furthest from the path";
         section(title, worst::cards(report, &lines, &it.worst_places))
     });
+    html += &of(&|it| circles::section(&lines, it));
     html += &path_over_time(report);
     html += &of(&|it| tables::slowest(it, &lines));
     for axis in &report.axes {
@@ -146,6 +147,21 @@ pub(super) fn more(left_off: u64) -> String {
         0 => String::new(),
         _ => format!("<p class=quiet>… and {} more.</p>\n", count(left_off)),
     }
+}
+
+/// Cards, the first ones at once and the others behind that summary of all.
+pub(super) fn cards(cards: &[String], all: &str) -> String {
+    /// So many are shown at once.
+    const SHOWN: usize = 6;
+    let (first, others) = cards.split_at(cards.len().min(SHOWN));
+    let mut html = format!("<div class=cards>{}</div>", first.concat());
+    if !others.is_empty() {
+        html += &format!(
+            "<details><summary>{all}</summary><div class=cards>{}</div></details>",
+            others.concat()
+        );
+    }
+    html
 }
 
 /// The text of one of the program's lines.

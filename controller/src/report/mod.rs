@@ -4,6 +4,7 @@
 //! - `tables`: what the run came to
 //! - `toolpath`: the path from above and in space
 //! - `worst`: where the tool was furthest from the path
+//! - `circles`: the circular test, with a picture of each circle
 //! - `strips`: values over time, which `script.js` draws from what `data` packs
 //! - `identified`: a page about an axis that was identified
 //! - `plot`, `spectrum`, `distribution`: values over anything else; `scale`: from values to places on the page
@@ -11,6 +12,7 @@
 //! All that stands still is in the page as it is written. The script draws the strips, so that they can be zoomed, and ties
 //! them to the tool path and to the program by one cursor.
 
+mod circles;
 mod data;
 mod distribution;
 mod html;

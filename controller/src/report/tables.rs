@@ -145,6 +145,13 @@ pub(super) fn drives(summary: &Summary) -> String {
             escape(&gantry.to_string())
         );
     }
+    if let Some(cutting) = &summary.cutting {
+        _ = writeln!(
+            rows,
+            "<tr><th>cutting<td>{}</tr>",
+            escape(&cutting.to_string())
+        );
+    }
     match rows.is_empty() {
         true => rows,
         false => section(

@@ -2,7 +2,7 @@
 //! beside it with its error magnified.
 
 use super::Report;
-use super::html::{escape, line_text};
+use super::html::{self, escape, line_text};
 use super::scale::{extent, number, round_down};
 use crate::observe::places::WorstPlace;
 use std::fmt::Write;
@@ -14,8 +14,6 @@ const MARGIN: f64 = 16.0;
 const AROUND: f64 = 0.15;
 /// What the greatest error becomes, of the picture's height.
 const MAGNIFIED: f64 = 0.2;
-/// Places with a picture that are shown at once.
-const SHOWN: usize = 6;
 
 /// A point of a picture.
 type Point = (f64, f64);
@@ -26,17 +24,7 @@ pub(super) fn cards(report: &Report, lines: &[&str], places: &[WorstPlace]) -> S
     if cards.is_empty() {
         return String::new();
     }
-    let (first, others) = cards.split_at(cards.len().min(SHOWN));
-    let mut html = format!("<div class=cards>{}</div>", first.concat());
-    if !others.is_empty() {
-        _ = write!(
-            html,
-            "<details><summary>All {} places</summary><div class=cards>{}</div></details>",
-            cards.len(),
-            others.concat()
-        );
-    }
-    html
+    html::cards(&cards, &format!("All {} places", cards.len()))
 }
 
 fn card(report: &Report, lines: &[&str], place: &WorstPlace) -> String {

@@ -1,7 +1,9 @@
 //! A controller on its buses: what one wake-up takes, in its three stages.
 
+use super::cutting::Cutting;
 use crate::bus::{Outbox, Received};
 use crate::control::{Controller, Layout, Wake};
+use crate::machine::{COORDINATES, Machine};
 use crate::observe::flight_recorder::Carried;
 use crate::port::{Port, PortError};
 use rtrb::{Consumer, Producer, RingBuffer};
@@ -25,7 +27,23 @@ pub struct Driver<const N: usize, P> {
     inbox: Vec<(usize, Received)>,
     /// When it was woken last.
     woke: Instant,
+    cutting: Option<Cutting>,
     tap: Option<Producer<Carried>>,
+}
+
+impl<P: Port> Driver<COORDINATES, P> {
+    /// Its simulated tools cut as this machine's do, from now on.
+    pub(super) fn cut(&mut self, machine: &Machine, layout: &Layout) {
+        self.cutting = Cutting::new(machine, layout, &self.world);
+    }
+
+    /// The tool pushes as it cuts at the last SYNC, or does not, until it is told otherwise.
+    pub(super) fn push_tool(&mut self, cuts: bool) {
+        if let Some(cutting) = &self.cutting {
+            let row = self.controller.row().filter(|_| cuts);
+            cutting.push(row, &mut self.world);
+        }
+    }
 }
 
 impl<const N: usize, P: Port> Driver<N, P> {
@@ -40,6 +58,7 @@ impl<const N: usize, P: Port> Driver<N, P> {
             ports,
             world,
             woke: start,
+            cutting: None,
             tap: None,
         }
     }

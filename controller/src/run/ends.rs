@@ -107,10 +107,10 @@ impl HandedOver {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::MachineFunctions;
     use crate::control::{Job, Refusal};
     use crate::machine::Machine;
     use std::path::Path;
-    use syncline_gcode::Outputs;
 
     /// Whatever was handed over, and began or did not: what comes before a job that is over, and that itself, is wanted no more,
     /// and what comes behind it still is.
@@ -162,7 +162,7 @@ mod tests {
                     false => CycleReport::Obeyed {
                         number,
                         cycle,
-                        outputs: Outputs::default(),
+                        functions: MachineFunctions::default(),
                     },
                 });
                 // An order of another kind drops none.

@@ -1,5 +1,6 @@
 //! The machine in its time: real, virtual, or that of a recorded run.
 //!
+//! - `cutting`: the force of the tool upon simulated drives
 //! - [`driver`]: a controller on its buses
 //! - [`virtual_time`]: as fast as the CPU allows, deterministic
 //! - [`real_time`]: on the host's clock
@@ -10,6 +11,7 @@
 //!
 //! A [`Timeline`] is a machine with its program in either time, as a session drives it.
 
+mod cutting;
 pub mod driver;
 mod ends;
 mod inline_planning;
@@ -18,14 +20,14 @@ pub mod real_time;
 pub mod replay;
 pub mod virtual_time;
 
-use crate::control::{Controller, Event, Order, Outcome, Refusal, Row};
+use crate::control::{Controller, Event, MachineFunctions, Order, Outcome, Refusal, Row};
 use crate::machine::COORDINATES;
 use crate::observe::flight_recorder::{Carried, NotRecorded};
 use crate::port::PortError;
 use crate::program::{Left, Program, ProgramError, Upcoming};
 use std::collections::VecDeque;
 use syncline_drives::twin::Observation;
-use syncline_gcode::{Outputs, TablesError};
+use syncline_gcode::TablesError;
 
 /// What the cycle reports.
 #[derive(Debug)]
@@ -37,8 +39,8 @@ pub enum CycleReport {
         number: u64,
         /// The controller's cycle.
         cycle: u64,
-        /// The outputs of the job at work, as far as M-codes switch them.
-        outputs: Outputs,
+        /// What the job at work has switched, or begins with.
+        functions: MachineFunctions,
     },
     /// Something worth a line in the log.
     Event(Event),
@@ -154,7 +156,7 @@ impl Orders {
                 Ok(()) => CycleReport::Obeyed {
                     number,
                     cycle,
-                    outputs: controller.outputs(),
+                    functions: controller.functions(),
                 },
                 Err(refusal) => CycleReport::Refused {
                     number,

@@ -25,7 +25,7 @@ use super::ends::{Ends, HandedOver};
 use super::planning::{PlanQueues, PlanRequest, Planning, Told};
 use super::{CycleReport, Progress, RunError, Timeline, Work};
 use crate::control::{Controller, Event, Instruction, Layout, Order, Outcome, Phase};
-use crate::machine::COORDINATES;
+use crate::machine::{COORDINATES, Machine};
 use crate::observe::flight_recorder::Carried;
 use crate::observe::timing::{Distribution, Stage, Stages};
 use crate::port::{Port, Ports};
@@ -187,12 +187,7 @@ impl Cycle {
         let (order, orders) = RingBuffer::new(ORDERS);
         let (report, reports) = RingBuffer::new(REPORTS);
         let (ask, requests) = RingBuffer::new(REQUESTS);
-        let start = if timing.lockstep {
-            Instant::ZERO
-        } else {
-            realtime::now() + 10 * layout.cycle
-        };
-        let mut driver = Driver::new(Arc::clone(layout), world, ports, start);
+        let mut driver = Driver::new(Arc::clone(layout), world, ports, Instant::ZERO);
         let carried = driver.tap();
         let cycle = Self {
             driver,
@@ -238,10 +233,14 @@ impl Cycle {
     pub fn run(mut self, started: impl FnOnce(&Granted)) -> (Controller<COORDINATES>, Measured) {
         let granted = realtime::enter(&self.timing.settings);
         started(&granted);
+        // The first wake-up is as punctual as all others: locking memory can take longer than cycles.
+        let begin = realtime::now() + self.period;
         // Where the simulated machine's time stands on the host's clock.
         let mut origin = Duration::ZERO;
         if self.timing.lockstep {
-            origin = Duration::from_nanos(realtime::now().as_nanos()) + self.period;
+            origin = Duration::from_nanos(begin.as_nanos());
+        } else {
+            self.driver.controller.begin_at(begin);
         }
         let mut bus_failed = false;
         let mut last_sync = None;
@@ -310,6 +309,7 @@ impl Cycle {
                     .compute
                     .record(over.saturating_since(woke), woke);
                 self.report_all();
+                self.driver.push_tool(true);
                 // Behind the setpoints, which nothing is to delay.
                 if !self.timing.lockstep {
                     self.take_plan(TAKEN_AT_ONCE);
@@ -345,11 +345,11 @@ impl Cycle {
             }
         }
         if let Some(number) = last {
-            let outputs = self.driver.controller.outputs();
+            let functions = self.driver.controller.functions();
             self.report(CycleReport::Obeyed {
                 number,
                 cycle,
-                outputs,
+                functions,
             });
         }
     }
@@ -495,12 +495,13 @@ pub struct Ended {
 }
 
 impl RealTime {
-    /// Starts the threads, and says where the program's moves come up; `started` is told what the
+    /// Starts the threads of a machine and its layout, and says where the program's moves come up; `started` is told what the
     /// kernel granted the cycle, in its thread.
     ///
     /// # Errors
     /// There is no thread for it.
     pub fn start(
+        machine: &Machine,
         layout: &Arc<Layout>,
         world: World,
         ports: Ports,
@@ -509,16 +510,17 @@ impl RealTime {
         started: impl FnOnce(&Granted) + Send + 'static,
     ) -> io::Result<(Self, Moves)> {
         let (mut cycle, handle, queues) = Cycle::new(layout, world, ports, timing);
+        cycle.driver.cut(machine, layout);
         cycle.driver.controller.works_on(program.only_job());
         let (upcoming, moves) = Moves::new();
-        let mut machine = Self::of(handle, queues)?;
-        machine.prepare(Work {
+        let mut running = Self::of(handle, queues)?;
+        running.prepare(Work {
             number: 0,
             program,
             upcoming,
         });
-        machine.begin(cycle, started)?;
-        Ok((machine, moves))
+        running.begin(cycle, started)?;
+        Ok((running, moves))
     }
 
     /// The same, but the machine stays on, and its jobs come one by one.
@@ -526,6 +528,7 @@ impl RealTime {
     /// # Errors
     /// There is no thread for it.
     pub fn stay_on(
+        machine: &Machine,
         layout: &Arc<Layout>,
         world: World,
         ports: Ports,
@@ -533,10 +536,11 @@ impl RealTime {
         started: impl FnOnce(&Granted) + Send + 'static,
     ) -> io::Result<Self> {
         let (mut cycle, handle, queues) = Cycle::new(layout, world, ports, timing);
+        cycle.driver.cut(machine, layout);
         cycle.driver.controller.stay_on();
-        let mut machine = Self::of(handle, queues)?;
-        machine.begin(cycle, started)?;
-        Ok(machine)
+        let mut running = Self::of(handle, queues)?;
+        running.begin(cycle, started)?;
+        Ok(running)
     }
 
     fn of(handle: CycleHandle, queues: PlanQueues) -> io::Result<Self> {
@@ -554,8 +558,9 @@ impl RealTime {
         cycle: Cycle,
         started: impl FnOnce(&Granted) + Send + 'static,
     ) -> io::Result<()> {
-        // The session's own, too: where memory has run out it goes on to its end.
+        // The session's own stack, too: where memory has run out it goes on to its end.
         realtime::touch_stack();
+        realtime::keep_memory();
         let thread = thread::Builder::new().name("cycle".into());
         self.cycle = Some(thread.spawn(move || cycle.run(started))?);
         Ok(())
@@ -658,7 +663,6 @@ impl Timeline for RealTime {
 mod tests {
     use super::*;
     use crate::control::{Job, JobKind, State};
-    use crate::machine::Machine;
     use crate::port;
     use crate::program::Programs;
     use std::path::Path;
@@ -747,7 +751,8 @@ mod tests {
         let programs = Programs::new(&machine, &portal).unwrap();
         let endless = Program::new(&file, &machine, &portal).unwrap().stream(true);
         let lines = programs.lines("G0 X1");
-        let mut running = RealTime::stay_on(&layout, world, ports, TIMING, |_| ()).unwrap();
+        let mut running =
+            RealTime::stay_on(&machine, &layout, world, ports, TIMING, |_| ()).unwrap();
         let until = |running: &mut RealTime, is_it: &dyn Fn(&CycleReport) -> bool| {
             let begun = realtime::now();
             let mut came = false;

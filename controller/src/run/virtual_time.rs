@@ -54,7 +54,10 @@ impl VirtualMachine {
         seed: u64,
     ) -> Result<(Self, Moves), PortError> {
         let (world, ports, frames) = simulated(machine, seed)?;
-        Ok(Self::on(world, ports, layout, program, frames))
+        let (mut virtual_machine, moves) =
+            Self::on(world, ports, Arc::clone(&layout), program, frames);
+        virtual_machine.driver.cut(machine, &layout);
+        Ok((virtual_machine, moves))
     }
 
     /// One that has just been switched on and stays on, and whose jobs come one by one.
@@ -67,7 +70,9 @@ impl VirtualMachine {
         seed: u64,
     ) -> Result<Self, PortError> {
         let (world, ports, frames) = simulated(machine, seed)?;
-        Ok(Self::staying_on(world, ports, layout, frames))
+        let mut virtual_machine = Self::staying_on(world, ports, Arc::clone(&layout), frames);
+        virtual_machine.driver.cut(machine, &layout);
+        Ok(virtual_machine)
     }
 }
 
@@ -154,7 +159,8 @@ impl<P: Port> VirtualMachine<P> {
         let plans = self.starved == 0;
         self.starved = self.starved.saturating_sub(1);
         let mut fed = Ok(());
-        if self.driver.setpoints_are_next() {
+        let supervises = self.driver.setpoints_are_next();
+        if supervises {
             self.orders.obey(&mut self.driver.controller, report);
             if plans {
                 fed = self.feed();
@@ -164,6 +170,9 @@ impl<P: Port> VirtualMachine<P> {
             self.driver.controller.abandon();
         }
         let stepped = self.driver.step(self.now);
+        if supervises {
+            self.driver.push_tool(true);
+        }
         // What fails once fails in every cycle: the first time is news.
         let failed = replace(&mut self.bus_failed, stepped.is_err());
         stepped.or_else(|error| if failed { Ok(()) } else { Err(error) })?;
@@ -242,6 +251,7 @@ impl<P: Port> VirtualMachine<P> {
     /// the drives are then, by their index, where they are simulated.
     #[must_use]
     pub fn come_to_rest(&mut self) -> Vec<Option<Observation>> {
+        self.driver.push_tool(false);
         self.driver.world.advance_to(self.now + BRAKES);
         let drives = 0..self.drives.len();
         drives.map(|drive| self.observe_drive(drive)).collect()

@@ -15,7 +15,7 @@ use crate::run::Work;
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
-use syncline_gcode::{AxisSet, InEffect, Memory, Modes, Outputs, Place, WorkCoordinates};
+use syncline_gcode::{AxisSet, InEffect, Memory, Modes, Place, WorkCoordinates};
 
 /// See the module.
 pub(super) struct Jobs {
@@ -134,6 +134,12 @@ impl Jobs {
         });
         match at_work {
             Some(_) if machine == State::Ready && shown == State::Stopping => shown,
+            // Stopped where it rested, within a cycle.
+            Some(AtWork { is_over: true, .. })
+                if machine == State::Ready && shown == State::Held =>
+            {
+                State::Stopping
+            }
             Some(AtWork { is_over: true, .. }) if machine == State::Held => State::Mdi,
             Some(AtWork { job, .. }) if machine == State::Ready => job.kind.state(),
             _ => machine,
@@ -143,7 +149,9 @@ impl Jobs {
     /// The state in which a command is looked at that comes behind a job which has not begun yet: as if it had.
     pub(super) fn expected(&self, shown: State) -> State {
         match &self.at_work {
-            Some(it) if !it.has_begun && shown == State::Ready => it.job.kind.state(),
+            Some(it) if !it.has_begun && matches!(shown, State::Ready | State::Held) => {
+                it.job.kind.state()
+            }
             _ => shown,
         }
     }
@@ -294,11 +302,11 @@ impl Jobs {
         }
     }
 
-    /// The program that is loaded. In its middle it begins with the outputs as they are `now`.
+    /// The program that is loaded. In its middle it begins with the outputs and the coolant as they are `now`.
     fn run(&self, from_line: Option<u32>, now: InEffect) -> Result<Program, Refusal> {
         let file = self.loaded.as_ref().ok_or(Refusal::NoProgram)?;
         let mut program = self.programs.file(file).from_line(from_line);
-        program.begin_with(now.outputs);
+        program.begin_with(now.outputs, now.coolant);
         Ok(program.wait_at_the_line())
     }
 
@@ -309,15 +317,14 @@ impl Jobs {
         }
     }
 
-    /// The job has begun, with these outputs. A program that was held for it is to be resumed there, in this line, with what is
+    /// The job has begun, with what is in effect `now`. A program that was held for it is to be resumed there, in this line, with what is
     /// in effect there; one that begins is the one that can be resumed.
     pub(super) fn begun(
         &mut self,
         number: u64,
         (held, in_effect): (Resumable, Option<ModalState>),
-        outputs: Outputs,
+        now: &InEffect,
         line: u32,
-        tool: u32,
     ) {
         let Some(it) = self.at_work.as_mut().filter(|it| it.job.number == number) else {
             return;
@@ -326,7 +333,7 @@ impl Jobs {
         let (kind, is_beside) = (it.job.kind, it.is_beside);
         let before = it.before.take();
         if !it.job.is_entered {
-            it.program.begin_with(outputs);
+            it.program.begin_with(now.outputs, now.coolant);
         }
         if kind == JobKind::Program {
             self.interrupted = None;
@@ -336,7 +343,7 @@ impl Jobs {
         {
             self.interrupted = Some(Interrupted::new(&before.program, start, place, line));
             self.aside = in_effect;
-            self.programs.forget(tool);
+            self.programs.forget(now.tool);
         }
         if !is_beside {
             self.leave_hold();

@@ -38,7 +38,9 @@ pub use recorded::Recorded;
 pub use settings::{LEAST, MOST_FEED, MOST_RAPID, Override, Settings, StepChange, SwitchChange};
 pub use status::{Squareness, Status, StatusView, Stopped};
 
-use crate::control::{self, Fault, Layout, NotNow, Order, Outcome, Request, Row, State, Switch};
+use crate::control::{
+    self, Fault, Layout, MachineFunctions, NotNow, Order, Outcome, Request, Row, State, Switch,
+};
 use crate::machine::COORDINATES;
 use crate::observe::flight_recorder::FlightRecorder;
 use crate::observe::{Observed, Observers};
@@ -53,7 +55,7 @@ use std::collections::VecDeque;
 use std::path::Path;
 use std::sync::Arc;
 use syncline_drives::model::PowerState;
-use syncline_gcode::{Coolant, Outputs, Point, Turning};
+use syncline_gcode::{CoolantChange, InEffect, Point, Turning};
 
 /// A machine, its job, its operators and all who watch, on a [`Timeline`].
 pub struct Session<T> {
@@ -93,8 +95,8 @@ struct Desk {
     user_call: Option<u32>,
     /// How long programs still take, if somebody wants to know.
     remaining: Option<Remaining>,
-    /// As M-codes have made them.
-    outputs: Outputs,
+    /// What the job at work has switched.
+    functions: MachineFunctions,
     /// For the words of faults.
     layout: Arc<Layout>,
     /// Coordinates that have an axis.
@@ -109,8 +111,6 @@ struct Waiting {
 
 /// What a command comes to.
 enum What {
-    /// It is for the session alone.
-    Own,
     /// An order is on its way.
     Order,
     /// The order to begin the job with that number, whose moves come up there.
@@ -183,7 +183,7 @@ impl<T: Timeline> Session<T> {
                 passes_user_codes: true,
                 user_call: None,
                 remaining: None,
-                outputs: Outputs::default(),
+                functions: MachineFunctions::default(),
                 coordinates: layout.axes.iter().map(|axis| axis.coordinate).collect(),
                 layout: Arc::clone(layout),
             },
@@ -235,7 +235,6 @@ impl<T: Timeline> Session<T> {
             };
             desk.hand_over(Issued { source, command }, timeline);
         }
-        desk.accept_own();
         let mut has_row = false;
         let progress = timeline.advance(&mut |report| {
             has_row |= matches!(report, CycleReport::Row(_));
@@ -303,7 +302,6 @@ impl<T: Timeline> Session<T> {
 
 /// What a command comes to, and what that takes.
 enum Asked {
-    Own,
     Order(Order),
     Begin(Box<Begin>),
 }
@@ -312,9 +310,6 @@ impl Desk {
     /// Hands over what a command asks for, or tells why it is refused.
     fn hand_over(&mut self, issued: Issued, timeline: &mut impl Timeline) {
         match self.ask(&issued) {
-            Ok(Asked::Own) => {
-                self.keep(issued, What::Own);
-            }
             Ok(Asked::Order(order)) => {
                 let number = self.keep(issued, What::Order);
                 timeline.order(number, order);
@@ -366,7 +361,7 @@ impl Desk {
         if let Command::RenewJog(axis) = command
             && self.joggers[axis.index()].as_ref() != Some(source)
         {
-            return Ok(Asked::Own);
+            return Ok(Asked::Order(Order::Nothing));
         }
         if let Command::Output { name, on } = command {
             let (output, on) = (by_hand(&self.layout, name)?, *on);
@@ -386,11 +381,11 @@ impl Desk {
                 return Err(Refusal::OneProgram);
             }
             let order = self.settings.order(command);
-            return Ok(order.map_or(Asked::Own, Asked::Order));
+            return Ok(Asked::Order(order.unwrap_or(Order::Nothing)));
         };
         let held = self.job.place(Some(&self.status.setpoint));
         if begins {
-            let now = self.status.in_effect(&self.layout, self.outputs);
+            let now = self.status.in_effect(&self.layout, self.functions.outputs);
             if let Some(begin) = jobs.begin(command, &self.status, now, held)? {
                 return Ok(Asked::Begin(Box::new(begin)));
             }
@@ -399,17 +394,17 @@ impl Desk {
             Command::Load(file) => {
                 jobs.load(file, state)?;
                 self.show_programs();
-                Ok(Asked::Own)
+                Ok(Asked::Order(Order::Nothing))
             }
             Command::GoTo(positions) => {
                 let here = Point(self.status.setpoint);
                 let to = self.status.coordinates().place(positions, here);
                 let order = self.settings.order(&Command::Jog(Jog::Line(to)));
-                Ok(order.map_or(Asked::Own, Asked::Order))
+                Ok(Asked::Order(order.unwrap_or(Order::Nothing)))
             }
             _ => {
                 let order = self.settings.order(command);
-                Ok(order.map_or(Asked::Own, Asked::Order))
+                Ok(Asked::Order(order.unwrap_or(Order::Nothing)))
             }
         }
     }
@@ -418,16 +413,6 @@ impl Desk {
     fn keep(&mut self, issued: Issued, what: What) -> u64 {
         self.waiting.push_back(Waiting { issued, what });
         self.first + self.waiting.len() as u64 - 1
-    }
-
-    /// What is for the session alone takes effect in its turn, behind what was ordered before it.
-    fn accept_own(&mut self) {
-        while let Some(Waiting {
-            what: What::Own, ..
-        }) = self.waiting.front()
-        {
-            self.accept_next();
-        }
     }
 
     /// Tells that the first command that waits has taken effect.
@@ -464,7 +449,19 @@ impl Desk {
         } = self.status;
         let held = (self.job.place(Some(&setpoint)), self.job.modal.take());
         if let Some(jobs) = &mut self.jobs {
-            jobs.begun(number, held, self.outputs, line, tool);
+            let MachineFunctions {
+                spindle,
+                coolant,
+                outputs,
+                ..
+            } = self.functions;
+            let now = InEffect {
+                tool,
+                spindle,
+                coolant,
+                outputs,
+            };
+            jobs.begun(number, held, &now, line);
         }
         self.job = Job::new(number, moves);
         self.status.typed = match command {
@@ -535,11 +532,10 @@ impl Desk {
             CycleReport::Obeyed {
                 number,
                 cycle,
-                outputs,
+                functions,
             } => {
-                self.outputs = outputs;
+                self.functions = functions;
                 self.accept_before(number + 1, cycle);
-                self.accept_own();
                 // A job that has begun may be held in the very same cycle.
                 self.show_state();
             }
@@ -557,7 +553,6 @@ impl Desk {
                     }
                     self.refuse(issued, refusal.into());
                 }
-                self.accept_own();
                 self.show_state();
             }
             CycleReport::JobOver { job, outcome, left } => {
@@ -676,7 +671,7 @@ impl Desk {
         if let Some(recorder) = &mut self.recorder {
             recorder.observe(row, self.state, self.job.line);
         }
-        self.outputs = row.functions.outputs;
+        self.functions = row.functions;
         let motion = self.job.moves.motion(row.plan.tag);
         let ahead = motion.filter(|_| row.plan.busy && !row.plan.off_path);
         let target = ahead.map_or(row.plan.position, |motion| motion.curve().end());
@@ -704,7 +699,7 @@ impl Desk {
     fn show_switched(&mut self, line: u32, switch: Switch) {
         match switch {
             Switch::Spindle(spindle) => self.status.spindle = spindle,
-            Switch::Coolant(coolant) => self.status.coolant = coolant,
+            Switch::Coolant(change) => self.status.coolant = change.of(self.status.coolant),
             Switch::Message => {
                 if let Some(text) = self.job.moves.next_message() {
                     self.outlets.tell(Event::Message { line, text });
@@ -728,7 +723,7 @@ impl Desk {
     fn switched_off(&mut self, switch: Switch) {
         let is_off = match switch {
             Switch::Spindle(spindle) => spindle.turning == Turning::Off,
-            Switch::Coolant(coolant) => coolant == Coolant::default(),
+            Switch::Coolant(change) => change == CoolantChange::OFF,
             Switch::Tool(_) | Switch::Output(_) | Switch::Message => false,
         };
         if let Some(jobs) = self.jobs.as_mut().filter(|_| is_off) {

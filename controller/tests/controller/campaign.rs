@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use std::time::Duration;
 use syncline_canopen::cia402::{self, Statusword};
 use syncline_canopen::{CanId, CobId, Frame, Instant};
-use syncline_controller::campaign::stage::{self, Played};
+use syncline_controller::campaign::stage::{self, Played, Woken};
 use syncline_controller::campaign::{self, Case, Checkers, Interference, Seen, Wanted};
 use syncline_controller::control::fault::{AxisCause, BusCause, DeviceCause, Fault};
 use syncline_controller::control::{self, State};
@@ -297,6 +297,23 @@ fn with_outputs(seen: &Seen, outputs: u8) -> Seen {
     framed(*bus, sent, Frame::new(sent.frame.id(), &data))
 }
 
+/// In the midst of a program the machine is said to be disabled, and nothing else of its state; from then on wake-ups are
+/// changed.
+fn disabled(planting: &mut Planting, seen: &Seen, change: impl Fn(&mut Woken)) -> Vec<Seen> {
+    match seen {
+        Seen::Told(Event::State(_)) if planting.done > 0 => Vec::new(),
+        Seen::Woken(woken) if planting.done > 0 => {
+            let mut woken = woken.clone();
+            change(&mut woken);
+            vec![Seen::Woken(woken)]
+        }
+        Seen::Woken(_) if planting.once() => {
+            vec![seen.clone(), Seen::Told(Event::State(State::Disabled))]
+        }
+        _ => vec![seen.clone()],
+    }
+}
+
 /// The outputs as they are so many frames later, or before.
 fn shifted(recorded: &Recorded, planting: &mut Planting, seen: &Seen, frames: isize) -> Vec<Seen> {
     if planting.outputs.is_empty() {
@@ -358,7 +375,7 @@ fn commanded(seen: &Seen, data: [u8; 2]) -> Vec<Seen> {
 }
 
 /// Defects by the checker that has to find each.
-const DEFECTS: [(&str, &str, Change); 69] = [
+const DEFECTS: [(&str, &str, Change); 71] = [
     (
         "velocities",
         "a velocity for a drive that is only ready",
@@ -931,6 +948,26 @@ const DEFECTS: [(&str, &str, Change); 69] = [
                 vec![seen.clone()]
             }
             None => vec![seen.clone()],
+        },
+    ),
+    (
+        "faulted",
+        "a drive that keeps its power where the machine is disabled",
+        |_, planting, seen| disabled(planting, seen, |_| ()),
+    ),
+    (
+        "faulted",
+        "an output that stays on where the machine is disabled",
+        |it, planting, seen| {
+            disabled(planting, seen, |woken| {
+                for plant in &mut woken.plants {
+                    plant.is_powered = false;
+                }
+                for output in &it.machine.outputs {
+                    let is_safe = output.safe != output.active_low;
+                    woken.outputs[output.node] = if is_safe { 0 } else { u16::MAX };
+                }
+            })
         },
     ),
     (

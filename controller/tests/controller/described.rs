@@ -160,6 +160,46 @@ fn what_is_wrong_in_a_description_is_told_with_its_place() {
     );
 }
 
+/// What is wrong in a data sheet names the key that does without, if there is one.
+#[test]
+fn what_a_data_sheet_lacks_names_the_key_that_does_without() {
+    for (description, sheet, mend) in [
+        (
+            servo("has_period = 0\n", ""),
+            SHEET,
+            "with `has_period = 0` it does not",
+        ),
+        (
+            servo("has_resolution = 0\n", ""),
+            SHEET,
+            "with `has_resolution = 0` it does not",
+        ),
+        (
+            servo("r_pdo = 2", "r_pdo = 3"),
+            SHEET,
+            "with `r_pdo = 1` it does not",
+        ),
+        (
+            servo("\"cia402_csp\"", "\"cia402_csv\""),
+            SHEET,
+            "it tells the mode of `generic = \"cia402_csp\"`",
+        ),
+        (
+            SERVO.to_owned(),
+            &*SHEET
+                .replace("[6041]", "[2041]")
+                .replace("=0x6041\n", "=0x2041\n"),
+            "no key of a description changes that",
+        ),
+    ] {
+        let wrong = refused(&description, sheet);
+        assert!(
+            wrong.contains(&format!(" goes by this object; {mend}\n")),
+            "{mend}\n{wrong}"
+        );
+    }
+}
+
 #[test]
 fn a_name_is_one_descriptions_and_a_file_is_of_the_tables_kind() {
     let folder = TempDir::new().unwrap();
@@ -457,7 +497,7 @@ fn what_else_is_in_an_r_pdo_has_a_value_that_fits_it() {
             "[\"2002:0\", 1]",
             "is of type U16, and mapped with 8 bits",
         ),
-        (0x2004_0008, "[\"2004:0\", 1]", "2004h:0 () is not there"),
+        (0x2004_0008, "[\"2004:0\", 1]", "2004h:0 is not there"),
         (
             0x6064_0008,
             "[\"6064:0\", 1]",

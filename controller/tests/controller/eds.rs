@@ -1,7 +1,8 @@
 //! `syncline eds`: writes a node's data sheet, and finds where another one departs from it.
 
 use std::process::Command;
-use syncline_canopen::eds::Eds;
+use syncline_canopen::eds::{Eds, Value};
+use syncline_controller::machine::Machine;
 
 const MACHINE: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
@@ -96,6 +97,13 @@ fn data_sheet_of_a_model() {
     assert_eq!(objects(&of_machine), objects(&text));
 }
 
+/// The data sheet of a device without a machine file, named as `NODE:MODEL`.
+fn sheet_of(device: &str) -> String {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_syncline"));
+    let output = command.args(["eds", "--node", device]).output();
+    String::from_utf8(output.expect("runs").stdout).expect("UTF-8")
+}
+
 /// Whoever makes a device is named, also where it has no vendor number; of a profile nobody does.
 #[test]
 fn data_sheets_name_the_maker() {
@@ -109,13 +117,42 @@ fn data_sheets_name_the_maker() {
         ("cia402_vl", None),
         ("cia406", None),
     ] {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_syncline"));
-        let output = command
-            .args(["eds", "--node", &format!("1:{model}")])
-            .output();
-        let text = String::from_utf8(output.expect("runs").stdout).expect("UTF-8");
+        let text = sheet_of(&format!("1:{model}"));
         let sheet = Eds::parse(&text).expect("an EDS");
         assert_eq!(sheet.device_info("VendorName"), maker, "{model}");
+    }
+}
+
+/// The data sheet of each drive of the profile tells its own mode, so that a description can begin with it.
+#[test]
+fn a_description_can_begin_with_the_data_sheet_of_its_model() {
+    let machine = include_str!("../../../examples/described/machine.toml");
+    let asked = "drive_following_error = true\ndrive_soft_limits = true\n";
+    for (model, mode) in [
+        ("cia402_csp", 8),
+        ("cia402_csv", 9),
+        ("cia402_pv", 3),
+        ("cia402_vl", 2),
+    ] {
+        let text = sheet_of(&format!("5:{model}"));
+        let sheet = Eds::parse(&text).expect("an EDS");
+        let modes = &sheet.objects[&0x6502].subs[&0].default;
+        assert_eq!(*modes, Some(Value::Number(1 << (mode - 1))), "{model}");
+        let folder = tempfile::tempdir().expect("a directory");
+        let write = |name: &str, text: &str| {
+            std::fs::write(folder.path().join(name), text).expect("written")
+        };
+        write("servo.eds", &text);
+        write(
+            "servo.toml",
+            &format!("name = \"own\"\neds = \"servo.eds\"\ngeneric = \"{model}\"\n"),
+        );
+        write("machine.toml", &machine.replace(asked, ""));
+        let told = Machine::load(&folder.path().join("machine.toml"));
+        let told = told.map_or_else(|error| error.to_string(), |_| String::new());
+        // One that only turns spindles moves no axis; nothing is wrong with its data sheet.
+        assert!(!told.contains("`eds`"), "{model}: {told}");
+        assert_eq!(told.is_empty(), model != "cia402_vl", "{model}: {told}");
     }
 }
 

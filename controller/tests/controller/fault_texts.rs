@@ -283,6 +283,13 @@ texts! {
     "bus portal: SYNC comes from another node, too: drives take their setpoints at its instants; stop \
      that node from producing SYNC (bit 30 of its 1005h), or the other master";
 
+    Fault::Bus(_, BusCause::SecondNmtMaster { .. }),
+    Fault::Bus(0, BusCause::SecondNmtMaster {
+        request: nmt::Request { command: nmt::Command::Stop, node: NodeId::new(5) },
+    }),
+    "bus portal: another master commands devices, too (Stop to node 5): only one may start and stop them; end the other \
+     tool or master, then reset";
+
     Fault::Bus(_, BusCause::SecondController { .. }),
     Fault::Bus(0, BusCause::SecondController { node: NodeId::new(127).unwrap() }),
     "bus portal: another node sends with the controller's node id 127, and drives take its life for the \
@@ -439,9 +446,9 @@ fn every_failure_of_a_homing_has_its_text() {
              inputs, and `method`",
         ),
         (
-            HomingFailure::IndexTooNear,
-            "the index pulse that its drive took is less than 2 % of a turn from the edge of its switch, and the next one \
-             may be another: move the switch by a quarter of a turn",
+            HomingFailure::IndexTooNear { thousandths: 13 },
+            "the index pulse that counts is 1.3 % of a turn from the edge of its switch, less than 2 % or than what the edge may be \
+             off, and the next one may be another: move the switch by a quarter of a turn",
         ),
         (
             HomingFailure::TooFar,

@@ -105,7 +105,7 @@ impl Axis {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(32))]
+    #![proptest_config(ProptestConfig::with_cases(12))]
 
     #[test]
     fn delay_and_lag_are_found_whatever_they_are(axis in axis()) {

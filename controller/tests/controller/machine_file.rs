@@ -69,6 +69,7 @@ fn a_simulated_axis_is_seen_at_its_shaft() {
          stiffness = 80, damping = 0.05, play = 0.01, friction = 30, breakaway_friction = 45, \
          stribeck_velocity = 3, viscous_friction = 200, gravity = -490.0, brake_torque = 7, \
          brake_opening_ms = 40, end_stops = [-160, 30], lead_error = [[-150, 0], [0, 20]], \
+         temperature_rise = 20, fixed_at = -150, warming_time = 600, \
          transmission_inertia = 1e-4, encoder_noise = 0.3, encoder_steps = 65536 }",
         1,
     );
@@ -107,6 +108,9 @@ fn a_simulated_axis_is_seen_at_its_shaft() {
         ("lower stop", lower, -0.03 / travel),
         ("upper stop", upper, 0.16 / travel),
         ("lead error", train.lead_error.at(15.0), -0.01 / 5.0),
+        // 2.3 parts in 10000 of steel; Z's shaft turns backwards by 30 revolutions to -150 mm.
+        ("expansion", train.expansion.at(0.0, 1e6), 2.3e-4 * -30.0),
+        ("warming", train.expansion.time, 600.0),
     ] {
         assert!(
             (found / expected - 1.0).abs() < 1e-12,
@@ -702,9 +706,10 @@ fn the_reference_is_complete() {
     let models: Vec<_> = (MODELS.iter())
         .map(|model| format!("model.{}", model.name))
         .collect();
-    let mut text =
-        PORTAL.to_owned() + "\n[axis.simulation]\ntransmission = \"belt\"\n[path]\n[validation]\n";
-    text += "[probing]\n[simulation]\n[simulation.tool_setter]\nx = 0\ny = 0\nz = 0\n";
+    let mut text = PORTAL.to_owned()
+        + "\n[axis.simulation]\ntransmission = \"belt\"\ntemperature_rise = 1\n[path]\n[validation]\n";
+    text += "[probing]\n[simulation]\n[simulation.tool_setter]\nx = 0\ny = 0\nz = 0\n[[simulation.cutting]]\nspecific_force = 2000\nwidth = 1\n";
+    text += "[[simulation.dc_bus]]\ndrives = [\"Y\", \"Z\"]\n";
     text += "[[encoder]]\nname = \"screw\"\nbus = \"portal\"\nnode = 5\nmodel = \"twk_crn\"\npitch = 10.0\n";
     text += "[[io]]\nname = \"cabinet\"\nbus = \"portal\"\nnode = 6\nmodel = \"cia401\"\n";
     text += "[[user_code]]\ncode = 100\ncommand = [\"/bin/true\"]\n";
@@ -719,6 +724,8 @@ fn the_reference_is_complete() {
         ("probing", "[probing]"),
         ("simulation", "[simulation]"),
         ("simulation.tool_setter", "[simulation.tool_setter]"),
+        ("simulation.cutting", "[[simulation.cutting]]"),
+        ("simulation.dc_bus", "[[simulation.dc_bus]]"),
         ("bus", "[[bus]]"),
         ("drive", "[[drive]]"),
         ("encoder", "[[encoder]]"),
@@ -982,6 +989,110 @@ fn a_stepper_that_goes_point_to_point_is_homed_after_each_power_on_or_has_an_enc
                  an [[encoder]] as the axis's `feedback`"
             ]
         );
+    }
+}
+
+/// Each refusal of a stepper names what is taken instead.
+#[test]
+fn what_a_refused_stepper_is_told_to_do_is_taken() {
+    let drive = "node = 4\nmodel = \"lxm32m\"\nzero = 5_000_000";
+    let own = "drive_following_error = true\ndrive_soft_limits = true\n";
+    let axis = "[[axis]]\nname = \"Z\"\n";
+    let z = |encoder: bool, homing: &str| {
+        let text = portal_with(axis, if encoder { ENCODER } else { axis });
+        let text = text.replace(drive, "node = 4\nmodel = \"tsp10\"");
+        let (before, after) = text.rsplit_once(own).unwrap();
+        parse(&format!("{before}{homing}{after}"))
+    };
+    let helps = |told: Result<Machine, Invalid>| {
+        let told = told.unwrap_err().diagnostics.into_iter();
+        told.map(|it| it.help).collect::<Vec<_>>()
+    };
+    let by_hand = "[axis.homing]\nkind = \"set_here\"\n";
+    // An encoder, and an [axis.homing] that keeps what the stepper forgets.
+    let kept = helps(z(true, &format!("{by_hand}absolute = true\n")));
+    assert_eq!(
+        kept,
+        [
+            "leave [axis.homing] out: the encoder that is its `feedback` tells where it is; or leave `absolute` out, and home \
+             it after each power-on"
+        ]
+    );
+    assert!(z(true, "").is_ok() && z(true, by_hand).is_ok());
+    // A homing that a stepper is not made for.
+    let speeds = "position = 3.0\nspeed = 30.0\n";
+    let by_itself =
+        format!("[axis.homing]\nkind = \"drive\"\nmethod = 17\nslow_speed = 1.0\n{speeds}");
+    let by_stop = format!(
+        "[axis.homing]\nkind = \"hard_stop\"\nweight = \"none\"\ndirection = \"negative\"\ntorque = 30\nback_off = 2.0\n{speeds}"
+    );
+    for homing in [by_itself, by_stop] {
+        assert_eq!(
+            helps(z(false, &homing)),
+            ["home it with `kind = \"set_here\"`"]
+        );
+        let told = helps(z(true, &homing));
+        let told: Vec<_> = told.iter().filter(|it| it.contains("set_here")).collect();
+        assert_eq!(
+            told,
+            [
+                "leave [axis.homing] out: its encoder tells where it is; or home it with `kind = \"set_here\"`"
+            ]
+        );
+    }
+    assert!(z(false, by_hand).is_ok());
+}
+
+/// A stepper as a side of a gantry pair is refused once, and nothing is asked of it that would be refused next.
+#[test]
+fn a_stepper_is_no_side_of_a_gantry_pair() {
+    let pair = "node = 2\nmodel = \"lxm32m\"\ndirection = \"negative\"";
+    for more in [
+        "",
+        "motion = \"path\"\n",
+        "unsupervised_stop = \"hardware\"\n",
+    ] {
+        let text = portal_with("skew_limit = 0.5\n", &format!("skew_limit = 0.5\n{more}"));
+        assert!(text.contains(pair), "{text}");
+        let text = text.replacen(pair, "node = 2\nmodel = \"tsp10\"", 1);
+        let told = parse(&text).unwrap_err().diagnostics;
+        let about: Vec<_> = told
+            .iter()
+            .filter(|it| it.problem.contains("(TSP10-CBE)"))
+            .collect();
+        let about: Vec<_> = about
+            .iter()
+            .map(|it| format!("{}: {}", it.problem, it.help))
+            .collect();
+        assert!(
+            about
+                .iter()
+                .any(|it| it.contains("cannot be a side of a gantry pair")),
+            "{about:?}"
+        );
+        assert!(
+            about
+                .iter()
+                .all(|it| !it.contains("[[encoder]]") && !it.contains("enable chain")),
+            "{about:?}"
+        );
+    }
+}
+
+/// 100 kbit/s, which CiA 301 does not recommend, is a bit rate of those who take it.
+#[test]
+fn a_bit_rate_that_a_drive_takes_is_one() {
+    let drive = "node = 4\nmodel = \"lxm32m\"\nzero = 5_000_000";
+    for model in MODELS {
+        for rate in model.bitrates {
+            let rate = rate.to_string();
+            let text = portal_with("bitrate = 1_000_000", &format!("bitrate = {rate}"));
+            let text = text.replace(drive, &format!("node = 4\nmodel = \"{}\"", model.name));
+            let told = parse(&text).map(|_| ()).map_err(|it| it.diagnostics);
+            let told = told.err().unwrap_or_default();
+            let is_none = |it: &Diagnostic| it.problem.ends_with(&format!("`bitrate` is {rate}"));
+            assert!(!told.iter().any(is_none), "{} {rate}", model.name);
+        }
     }
 }
 
@@ -1365,11 +1476,11 @@ fn a_stepper_is_sent_velocities_only_where_something_stops_it() {
     assert_eq!(fits(parsed(&[cycle])), Ok(()));
     assert!(matches!(fits(parsed(&[])), Err(DoesNotFit::Bus { .. })));
     let slow = "[model.lxm32m]\nt_pdo_response_us = 2000\n\n[[bus]]";
-    let bus = "portal".to_owned();
-    assert_eq!(
-        fits(parsed(&[cycle, ("[[bus]]", slow)])),
-        Err(DoesNotFit::Polls { bus })
-    );
+    let Err(DoesNotFit::Polls { bus, devices, .. }) = fits(parsed(&[cycle, ("[[bus]]", slow)]))
+    else {
+        panic!("there is room for polls");
+    };
+    assert_eq!([&*bus, &*devices], ["portal", "Z (TSP10-CBE)"]);
 }
 
 /// What is told of the portal with this table, each with its line's text.

@@ -3,7 +3,7 @@
 use std::mem::take;
 use std::sync::Arc;
 use syncline_canopen::time::Duration;
-use syncline_canopen::{CobId, Frame, Instant, NodeId};
+use syncline_canopen::{CobId, Frame, Instant, NodeId, nmt};
 use syncline_controller::bench::rig::{Shape, Shuttle, ready_machine};
 use syncline_controller::bus::{Burst, Received};
 use syncline_controller::control::fault::{BusCause, DeviceCause};
@@ -203,22 +203,39 @@ fn a_node_with_the_controllers_id_is_a_fault_before_power_is_on() {
     assert!(!powers);
 }
 
-/// SYNC from elsewhere has the drives take their setpoints when it comes.
-#[test]
-fn sync_from_elsewhere_is_a_fault_by_its_name() {
+/// How a machine in motion ends once a frame that is its own to send comes from elsewhere; its own echo ends nothing.
+fn end_by_another_master(frame: Frame) -> Option<End> {
     let (mut machine, mut plan) = in_motion();
     let at = step(&mut machine, &mut plan, Duration::ZERO);
     let mut received = Received {
         at,
-        frame: Frame::new(CobId::SYNC, &[]),
+        frame,
         echo: true,
     };
     machine.controller.receive(0, &received);
     assert_eq!(machine.controller.end(), None);
     received.echo = false;
     machine.controller.receive(0, &received);
-    let end = machine.controller.end();
+    machine.controller.end()
+}
+
+/// SYNC from elsewhere has the drives take their setpoints when it comes.
+#[test]
+fn sync_from_elsewhere_is_a_fault_by_its_name() {
+    let end = end_by_another_master(Frame::new(CobId::SYNC, &[]));
     assert_eq!(end, Some(End::Fault(Fault::Bus(0, BusCause::SecondSync))));
+}
+
+/// Another master's NMT command is told before the device that it stops is missed; the controller's own are its own.
+#[test]
+fn nmt_commands_from_elsewhere_are_a_fault_by_their_name() {
+    let request = nmt::Request {
+        command: nmt::Command::Stop,
+        node: NodeId::new(2),
+    };
+    let end = end_by_another_master(request.encode());
+    let cause = BusCause::SecondNmtMaster { request };
+    assert_eq!(end, Some(End::Fault(Fault::Bus(0, cause))));
 }
 
 /// A bus that something is wrong with.

@@ -84,6 +84,8 @@ pub enum Sender {
     Port,
     /// The node with this index, as [`SimBus::attach`] returned it.
     Node(usize),
+    /// Somebody else, as another master or a tool ([`SimBus::intrude`]).
+    Stranger,
 }
 
 /// A frame and its place on the wire.
@@ -107,6 +109,7 @@ pub struct SimBus<N> {
     now: Instant,
     nodes: Vec<Attached<N>>,
     port: Port,
+    strangers: Mailboxes,
     on_wire: Option<Transmission>,
     idle_from: Instant,
 }
@@ -125,6 +128,7 @@ impl<N: Node> SimBus<N> {
             now: Instant::ZERO,
             nodes: Vec::new(),
             port: Port::new(),
+            strangers: Mailboxes(VecDeque::new()),
             on_wire: None,
             idle_from: Instant::ZERO,
         }
@@ -176,6 +180,11 @@ impl<N: Node> SimBus<N> {
     /// Queues a frame of the controller at the present instant.
     pub fn send(&mut self, band: Band, frame: Frame) {
         self.port.queue(band, frame);
+    }
+
+    /// Queues a frame of nobody that is attached, as of another master, at the present instant.
+    pub fn intrude(&mut self, frame: Frame) {
+        self.strangers.transmit(frame);
     }
 
     /// The next frame that the port received, its own included, or `None`.
@@ -251,8 +260,11 @@ impl<N: Node> SimBus<N> {
             let frame = node.queue.head()?;
             Some((Sender::Node(index), *frame))
         });
+        let stranger = self.strangers.head();
+        let stranger = stranger.map(|frame| (Sender::Stranger, *frame));
         port.into_iter()
             .chain(nodes)
+            .chain(stranger)
             .min_by_key(|(_, frame)| arbitration_field(frame))
     }
 
@@ -260,6 +272,7 @@ impl<N: Node> SimBus<N> {
         match sender {
             Sender::Port => self.port.take_head(),
             Sender::Node(index) => self.nodes[index].queue.take_head(),
+            Sender::Stranger => self.strangers.take_head(),
         };
         let (occupied, bits) = self.bit_rate.occupation(&frame);
         let end = start + occupied;

@@ -10,10 +10,29 @@ use super::cia301::{
     r_pdo_mapping, rows, sync_and_name, t_pdo, t_pdo_mapping,
 };
 use syncline_canopen::dictionary::DataType::{I8, I16, I32, U8, U16, U32};
-use syncline_canopen::dictionary::{Entry, ro, rw, table};
+use syncline_canopen::dictionary::{Entry, Preset, ro, rw, table};
 
-/// The table, in ascending order.
-pub static CIA402_CSP: &[Entry] = &table(join::<{ rows(PARTS) }>(PARTS));
+/// Of a drive in Cyclic Synchronous Position, in ascending order.
+pub static CIA402_CSP: &[Entry] = &in_mode(8);
+/// The same in Cyclic Synchronous Velocity.
+pub static CIA402_CSV: &[Entry] = &in_mode(9);
+/// The same in Profile Velocity.
+pub static CIA402_PV: &[Entry] = &in_mode(3);
+/// The same in velocity mode.
+pub static CIA402_VL: &[Entry] = &in_mode(2);
+
+/// The table of a drive whose one operating mode this is, as 6502h tells: bit 0 is mode 1.
+const fn in_mode(mode: u8) -> [Entry; rows(PARTS)] {
+    let mut table = table(join::<{ rows(PARTS) }>(PARTS));
+    let mut row = 0;
+    while row < table.len() {
+        if table[row].address.index == 0x6502 {
+            table[row].preset = Preset::Number(1 << (mode - 1));
+        }
+        row += 1;
+    }
+    table
+}
 
 /// 1xxxh, communication profile (CiA 301), and what is behind it.
 const PARTS: &[&[Entry]] = &[
@@ -102,5 +121,5 @@ const PROFILE: &[Entry] = &[
     rw(0x60C2, 2, "Interpolation time index", I8).range(-6, 0).default(-3),
     ro(0x60F4, 0, "Following error actual value", I32).unit("increments").t_pdo(),
     rw(0x60FF, 0, "Target velocity", I32).default(0).unit("increments/s").r_pdo(),
-    ro(0x6502, 0, "Supported drive modes", U32).default(0x80).t_pdo(),
+    ro(0x6502, 0, "Supported drive modes", U32).t_pdo(),
 ];

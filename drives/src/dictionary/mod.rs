@@ -10,7 +10,7 @@ mod tsp10;
 mod twk_crn;
 
 pub use cia401::CIA401;
-pub use cia402_csp::CIA402_CSP;
+pub use cia402_csp::{CIA402_CSP, CIA402_CSV, CIA402_PV, CIA402_VL};
 pub use cia406::CIA406;
 pub use lxm32m::LXM32M;
 pub(crate) use lxm32m::units as lxm32m_units;

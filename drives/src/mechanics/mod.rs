@@ -35,6 +35,8 @@ pub mod touch_probe;
 pub struct Load {
     /// Torque of the motor, N·m.
     pub torque: f64,
+    /// Torque from outside on what it moves, N·m at the shaft: a cutting force.
+    pub outside: f64,
     /// Whether the holding brake is open.
     pub brake_open: bool,
     /// Whether the shaft is blocked where it is.

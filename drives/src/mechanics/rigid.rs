@@ -55,7 +55,8 @@ impl Mechanics for Rigid {
         }
         let friction = self.grip(load.brake_open);
         let inertia = self.motor_inertia + self.load_inertia;
-        let driving = load.torque + self.load_torque - self.viscous_friction * shaft.velocity * TAU;
+        let driving = load.torque + load.outside + self.load_torque
+            - self.viscous_friction * shaft.velocity * TAU;
         if shaft.velocity == 0.0 && driving.abs() <= friction {
             return;
         }
@@ -91,6 +92,7 @@ mod tests {
     ) -> Motion {
         let load = Load {
             torque,
+            outside: 0.0,
             brake_open,
             blocked: false,
         };

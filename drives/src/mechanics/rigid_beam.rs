@@ -252,7 +252,7 @@ impl Mechanics for RigidBeam {
             return;
         };
         let before = Vector2::new(motion1.velocity, motion2.velocity) * TAU;
-        let torque = |load: &Load, side: &Side| load.torque + side.rigid.load_torque;
+        let torque = |load: &Load, side: &Side| load.torque + load.outside + side.rigid.load_torque;
         let torques = Vector2::new(torque(load1, &self.sides[0]), torque(load2, &self.sides[1]));
         let bound = |load: &Load, side: &Side| match load.blocked {
             true => f64::INFINITY,

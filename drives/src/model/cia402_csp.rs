@@ -23,6 +23,7 @@ use syncline_canopen::cia402::{Controlword, Statusword};
 /// The drive.
 pub(super) static CIA402_CSP: Model = Model {
     abilities: &[
+        Ability::CountsWithinTurn,
         Ability::FollowingErrorLimit,
         Ability::SoftLimits,
         Ability::Torque,

@@ -24,11 +24,12 @@ use super::{
     Mapping, ModeDisplay, Model, NodeSpec, OutOfRange, PowerCommand, RemoteNode, Sample, Setpoint,
     Setpoints, Settings, Survey, Write,
 };
+use crate::dictionary;
 use syncline_canopen::Frame;
 
 /// The drive in Cyclic Synchronous Velocity.
 pub(super) static CIA402_CSV: Model = Model {
-    abilities: &[Ability::SyncDivider],
+    abilities: &[Ability::SyncDivider, Ability::CountsWithinTurn],
     assumptions: &[
         &[
             VELOCITY_UNITS,
@@ -41,6 +42,7 @@ pub(super) static CIA402_CSV: Model = Model {
         SYNCHRONOUS,
         generic::DRIVE,
     ],
+    dictionary: dictionary::CIA402_CSV,
     reserved,
     ..generic::drive(
         "cia402_csv",
@@ -53,7 +55,11 @@ pub(super) static CIA402_CSV: Model = Model {
 
 /// The drive in Profile Velocity.
 pub(super) static CIA402_PV: Model = Model {
-    abilities: &[Ability::ProfileVelocity, Ability::SyncDivider],
+    abilities: &[
+        Ability::ProfileVelocity,
+        Ability::SyncDivider,
+        Ability::CountsWithinTurn,
+    ],
     assumptions: &[
         &[
             VELOCITY_UNITS,
@@ -65,6 +71,7 @@ pub(super) static CIA402_PV: Model = Model {
         COUNTING,
         generic::DRIVE,
     ],
+    dictionary: dictionary::CIA402_PV,
     reserved,
     ..generic::drive(
         "cia402_pv",

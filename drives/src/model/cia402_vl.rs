@@ -18,6 +18,7 @@ use super::{
     ModeDisplay, Model, NodeSpec, OutOfRange, PowerCommand, RemoteNode, Sample, Setpoint,
     Setpoints, Settings, Survey, Write,
 };
+use crate::dictionary;
 use syncline_canopen::Frame;
 use syncline_canopen::cia402::Controlword;
 
@@ -29,6 +30,7 @@ pub(super) static CIA402_VL: Model = Model {
         &[VELOCITY_UNITS, VELOCITY_RPM, HAS_DIMENSION_FACTOR],
         generic::DRIVE,
     ],
+    dictionary: dictionary::CIA402_VL,
     reserved,
     ..generic::drive(
         "cia402_vl",

@@ -3,7 +3,7 @@
 //! A device is made, set up and followed by the generic model's own code. Which objects that needs is asked of
 //! the device that it makes: what it writes, reads and maps has to be in the data sheet.
 
-use super::{Ability, Address, Data, Device, Increments, Mapping, Model, Settings};
+use super::{Ability, Address, Data, Device, Increments, MODELS, Mapping, Model, Settings};
 use core::fmt;
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
@@ -84,17 +84,46 @@ impl Model {
     #[must_use]
     pub fn lacks(&'static self, settings: &Settings) -> Vec<Lack> {
         let able = |ability| self.abilities.contains(&ability);
-        let device = self.device(&Settings {
+        let settings = Settings {
             following_error_limit: able(Ability::FollowingErrorLimit).then_some(Increments::MAX),
             soft_limits: able(Ability::SoftLimits).then_some((Increments::MIN, Increments::MAX)),
             ..settings.clone()
-        });
+        };
+        let device = self.device(&settings);
         let uses = uses(&device);
         let generic = self.generic.unwrap_or(self);
-        let lacks = uses.iter().filter_map(|(&address, uses)| {
-            let problem = self.problem(address, uses)?;
-            let help = format!("{} goes by this object", generic.title);
-            Some(self.lack(address, problem, help))
+        let wrong = |uses: &BTreeMap<Address, Uses>| {
+            let wrong = uses.iter().filter_map(|(&address, uses)| {
+                let problem = self.problem(address, uses)?;
+                Some((address, problem))
+            });
+            wrong.collect::<BTreeMap<_, _>>()
+        };
+        let found = wrong(&uses);
+        let unmapped = |device: &Device| {
+            let mapped = device.mapped();
+            mapped.iter().map(|it| it.lacks(self).len()).sum::<usize>()
+        };
+        // Keys that bring nothing else that is wrong.
+        let others = self
+            .with_other_values(&settings)
+            .filter_map(|(key, other)| {
+                let left = wrong(&self::uses(&other));
+                let is_better = left.keys().all(|address| found.contains_key(address))
+                    && unmapped(&other) <= unmapped(&device);
+                is_better.then_some((key, left))
+            });
+        let others: Vec<_> = others.collect();
+        let lacks = found.iter().map(|(&address, problem)| {
+            let mut keys = others.iter();
+            let key = keys.find(|(_, left)| !left.contains_key(&address));
+            let mend = match key {
+                Some((key, _)) => format!("with `{key}` it does not"),
+                None => "no key of a description changes that".to_owned(),
+            };
+            let mend = self.other_mode(address).unwrap_or(mend);
+            let help = format!("{} goes by this object; {mend}", generic.title);
+            self.lack(address, problem.clone(), help)
         });
         let mut lacks: Vec<_> = lacks.collect();
         for mapping in device.mapped() {
@@ -102,6 +131,53 @@ impl Model {
         }
         lacks.extend(self.idle_values(&device));
         lacks
+    }
+
+    /// The devices that these settings make with one of the generic model's choices made otherwise, and the key that
+    /// does that.
+    fn with_other_values(
+        &'static self,
+        settings: &Settings,
+    ) -> impl Iterator<Item = (String, Device)> {
+        let choices = self.assumptions.iter().copied().flatten();
+        let choices = choices.filter(|it| it.allowed.end() - it.allowed.start() < MOST_CHOICES);
+        choices.flat_map(move |choice| {
+            let is_other = |value: &u32| *value != settings.assumed.value(choice);
+            let others = choice.allowed.clone().filter(is_other);
+            let others: Vec<_> = others.map(|value| (choice.name, value)).collect();
+            others.into_iter().map(move |(name, value)| {
+                let mut settings = settings.clone();
+                settings.assumed.0.retain(|(stated, _)| *stated != name);
+                settings.assumed.0.push((name, value));
+                (format!("{name} = {value}"), self.device(&settings))
+            })
+        })
+    }
+
+    /// Which other generic models have the modes that it tells (6502h), if any.
+    fn other_mode(&self, address: Address) -> Option<String> {
+        let mut rows = self.dictionary.iter();
+        let is_told = address == MODES && self.is_drive();
+        let row = rows.find(|row| is_told && row.address == address)?;
+        let Preset::Number(modes) = row.preset else {
+            return None;
+        };
+        let tells = |model: &Model| {
+            let mut rows = model.dictionary.iter();
+            let own = rows.find(|row| row.address == MODES);
+            matches!(own.map(|own| own.preset), Some(Preset::Number(own)) if own & modes != 0)
+        };
+        let generic = self.generic.unwrap_or(self);
+        let mut drives: Vec<_> = MODELS
+            .iter()
+            .filter(|it| it.is_generic() && it.is_drive())
+            .collect();
+        drives.retain(|it| it.name != generic.name && tells(it));
+        let named = drives.iter();
+        let named: Vec<_> = named
+            .map(|it| format!("`generic = \"{}\"`", it.name))
+            .collect();
+        (!named.is_empty()).then(|| format!("it tells the mode of {}", named.join(" and of ")))
     }
 
     /// The values stated for an R_PDO that it does not carry, or that are not for a description to state.
@@ -194,7 +270,11 @@ pub struct Lack {
 
 impl fmt::Display for Lack {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} ({}) {}", self.address, self.name, self.problem)
+        match self.name {
+            // Neither the profile nor the data sheet has it.
+            "" => write!(f, "{} {}", self.address, self.problem),
+            name => write!(f, "{} ({name}) {}", self.address, self.problem),
+        }
     }
 }
 
@@ -249,6 +329,12 @@ fn uses(device: &Device) -> BTreeMap<Address, Uses> {
     uses
 }
 
+/// Values that an assumption has at the most that is a choice between kinds of devices, not a number.
+const MOST_CHOICES: u32 = 4;
+
+/// Supported drive modes: bit 0 is mode 1.
+const MODES: Address = Address::new(0x6502, 0);
+
 /// The objects by which a drive of CiA 402 has an ability.
 const TORQUE: Address = Address::new(0x6077, 0);
 
@@ -264,7 +350,7 @@ fn objects_of(ability: Ability) -> &'static [Address] {
         Ability::FollowingErrorLimit => const { &[Address::new(0x6065, 0)] },
         Ability::SoftLimits => const { &[Address::new(0x607D, 1), Address::new(0x607D, 2)] },
         Ability::ProfileVelocity => const { &[Address::new(0x6083, 0), Address::new(0x6084, 0)] },
-        Ability::PointToPoint | Ability::SyncDivider => &[],
+        Ability::PointToPoint | Ability::SyncDivider | Ability::CountsWithinTurn => &[],
         Ability::Torque => const { &[TORQUE] },
     }
 }

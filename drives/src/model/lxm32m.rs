@@ -33,6 +33,7 @@ pub(super) static LXM32M: Model = Model {
     increments_per_revolution: |_| REVOLUTION,
     positions: Increments::MIN..=Increments::MAX,
     abilities: &[
+        Ability::CountsWithinTurn,
         Ability::FollowingErrorLimit,
         Ability::SoftLimits,
         Ability::Torque,

@@ -252,6 +252,9 @@ pub enum Ability {
     SyncDivider,
     /// It turns at the velocities that it is sent, to which it goes by ramps of its own, [`Settings::profile_velocity`].
     ProfileVelocity,
+    /// Its encoder may tell its place within a turn from power-on, so that its count is a whole number of turns at the index. No
+    /// manual says so: a machine file states it with `index`.
+    CountsWithinTurn,
 }
 
 /// The model that measurements are made with where none is named, so that they can be compared.

@@ -177,6 +177,12 @@ impl Scaling {
         }
     }
 
+    /// A revolution of the motor.
+    #[must_use]
+    pub fn revolution(&self) -> Increments {
+        Increments(self.increments_per_revolution as i64)
+    }
+
     /// Where the motor's shaft stands at a position of the drive, revolutions.
     #[must_use]
     pub fn to_revolutions(&self, position: Increments) -> f64 {

@@ -187,6 +187,7 @@ impl Tlc5xx {
         let delay = assumed.time(&VELOCITY_DELAY).as_secs_f64();
         let lag = assumed.time(&POSITION_LAG).as_secs_f64();
         let (r_pdo, _) = setpoints(settings);
+        let release = (!settings.point_to_point).then(|| only_by_fieldbus(false));
         Self {
             spec: NodeSpec {
                 identity: identity(),
@@ -195,6 +196,7 @@ impl Tlc5xx {
                 t_pdos: vec![communication::t_pdo(2, settings.node, 6)],
                 sync_divider: settings.sync_divider.into(),
                 r_pdos: vec![communication::r_pdo(r_pdo, settings.node, 6)],
+                release: release.into_iter().collect(),
                 ..spec
             },
             units,
@@ -247,6 +249,11 @@ fn identity() -> Vec<Identity> {
     ]
 }
 
+/// 2060h: whether the fieldbus alone controls it, or a panel, TL CT and the signal interface as well (10944-10948).
+fn only_by_fieldbus(only: bool) -> Write {
+    Write::new(0x2060, 0, Data::u16(only.into()))
+}
+
 /// Every PDO off; mode, unit, ramps; the two that are used, and heartbeats, which exclude guarding.
 fn setup(settings: &Settings, finer: u32) -> Vec<Write> {
     let w = Write::new;
@@ -261,6 +268,10 @@ fn setup(settings: &Settings, finer: u32) -> Vec<Write> {
     setup.push(w(0x6040, 0, Data::u16(0)));
     setup.push(w(0x6040, 0, Data::u16(0x80))); // Fault Reset (2728)
     setup.push(w(0x6060, 0, Data::u8(mode(settings.point_to_point) as u8)));
+    if !settings.point_to_point {
+        // Who takes it over in motion would have it go on with its last velocity: it carries out no R_PDO then (2813-2815).
+        setup.push(only_by_fieldbus(true));
+    }
     setup.push(w(0x6094, 1, Data::i32(1))); // 15829
     setup.push(w(0x6094, 2, Data::i32(finer as i32))); // 15845
     setup.push(w(0x607F, 0, Data::u32(MOST_UNITS as u32)));

@@ -3,6 +3,7 @@
 use super::servo::cascade::Gains;
 use super::servo::encoder::{EncoderErrors, Scale};
 use super::servo::motor::Motor;
+use super::servo::power_stage::PowerStage;
 use super::servo::shaft::Shaft;
 use crate::bus::{BitRate, Node};
 use crate::mechanics::drive_train::DriveTrain;
@@ -36,11 +37,14 @@ pub trait SimulatedDevice: Node + Any + Send {
     /// revolutions.
     fn touch(&mut self, input: u8, on: bool, place: f64);
 
-    /// The levels of its digital outputs that something in the world hangs on, one bit each from the first one on.
+    /// The levels of its digital outputs that a controller may set, one bit each from the first one on.
     fn outputs(&self) -> u16;
 
     /// The shaft that its motor turns, if it has a motor.
     fn shaft_mut(&mut self) -> Option<&mut Shaft>;
+
+    /// Its power stage, where one is simulated.
+    fn power_stage_mut(&mut self) -> Option<&mut PowerStage>;
 
     /// Lets its loops run up to `now`; the bus hears of it when the node is polled.
     fn run_until(&mut self, now: Instant);
@@ -57,7 +61,7 @@ pub struct Observation {
     pub position: f64,
     /// Velocity of the shaft, rev/s.
     pub velocity: f64,
-    /// Position of what it moves, revolutions of the shaft: behind it by twist and play, off by the lead error.
+    /// Position of what it moves, revolutions of the shaft: behind it by twist and play, off by lead error and expansion.
     pub load_position: f64,
     /// Velocity of what it moves, rev/s of the shaft: another one where something gives way in between.
     pub load_velocity: f64,
@@ -65,6 +69,23 @@ pub struct Observation {
     pub at: Option<Instant>,
     /// Torque of the motor, N·m.
     pub torque: f64,
+    /// Torque from outside on what it moves, N·m at the shaft.
+    pub outside: f64,
+    /// What its power stage is loaded with, where one is simulated.
+    pub supply: Option<Supply>,
+}
+
+/// What a power stage is loaded with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Supply {
+    /// I²t of motor and drive, of 1.
+    pub overloads: [f64; 2],
+    /// Of the DC bus, V.
+    pub voltage: f64,
+    /// Energy in the DC bus beyond what the mains charge it to, J.
+    pub stored: f64,
+    /// Energy that the braking resistor has taken, J.
+    pub braked: f64,
 }
 
 /// How unevenly a drive turns a spindle: the reference of its speed is off by a part of it, as a sine of the shaft's
@@ -217,6 +238,8 @@ pub struct Config {
     pub assumed: Vec<(&'static str, u32)>,
     /// The objects of a drive that a file describes; `None`: its kind's own.
     pub dictionary: Option<&'static [Entry]>,
+    /// What its maker has mapped into its PDOs, of one that a file describes, where its data sheet does not have it.
+    pub mapped: Vec<(Address, i64)>,
 }
 
 impl Config {
@@ -241,6 +264,7 @@ impl Config {
             analog_inputs: Vec::new(),
             assumed: Vec::new(),
             dictionary: None,
+            mapped: Vec::new(),
         }
     }
 

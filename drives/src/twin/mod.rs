@@ -36,7 +36,7 @@ pub mod twk_crn;
 
 pub use device::{
     Config, Course, Disturbance, DrivenAxis, ErrorClass, Kind, Observation, Ripple, Sensor,
-    SimulatedDevice,
+    SimulatedDevice, Supply,
 };
 
 /// Every twin.

@@ -109,7 +109,7 @@ fn stops_and_switches() {
 }
 
 #[test]
-fn spindle_and_coolant_are_told_when_they_change() {
+fn spindle_is_told_when_it_changes_and_coolant_each_time() {
     insta::assert_snapshot!(listing("S1000\nM3\nM3\nS2000\nM7 M8\nM8\nM9\nM4\nM5\nM2"));
 }
 

@@ -199,7 +199,7 @@ fn bounds_that_bind_together_are_told_as_that() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(4) })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(2) })]
 
     /// Raising the first bound saves what is said, raising one that is not named next to nothing; and shares add up.
     #[test]

@@ -5,9 +5,9 @@ mod whole;
 
 use proptest::prelude::*;
 use proptest::sample::select;
-use std::io::Write;
+use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
-use std::process::Stdio;
+use std::process::{Child, ChildStdin, Stdio};
 use std::thread;
 use std::time::Duration;
 use syncline_canopen::{CanId, CobId};
@@ -139,7 +139,7 @@ fn a_program_that_begins_at_a_line_waits_for_cycle_start() {
     for part in [
         "begins with G1 G17 G21 G40 G49 G54 G90 ",
         " F6000 S500 M3 M8, at X40.000 Y",
-        "; switched on the way there: the spindle, the coolant",
+        "; switched on the way there: the spindle, flood on",
     ] {
         assert!(told.contains(part), "{part}: {told}");
     }
@@ -228,6 +228,124 @@ proptest! {
         prop_assert_eq!(begun.spindle.turning, whole.spindle.turning);
         prop_assert_eq!(begun.coolant, whole.coolant);
     }
+}
+
+/// Where lines are typed in.
+#[derive(Clone, Copy, Debug)]
+enum Typed {
+    Ready,
+    /// Where a program is held.
+    Held,
+    /// Where lines rest themselves.
+    LinesHeld,
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+
+    /// Of lines that come in one cycle the first are done or refused and the others refused, and nothing is lost by that: what
+    /// was held goes on to its end, and the machine takes lines as before.
+    #[test]
+    fn lines_that_come_together_lose_nothing(
+        place in select(vec![Typed::Ready, Typed::Held, Typed::LinesHeld]),
+        lines in prop::collection::vec(select(vec!["G90", "M8", "G91 G1 Y1 F600", "M0", "G1 X"]), 1..4),
+        stops: bool,
+    ) {
+        let mut rig = ready();
+        rig.goes_on = false;
+        let file = rig.folder.file("part.ngc", "G21 G90 G61\nG1 X5 F1500\nM0\nG1 X10\nM2\n");
+        match place {
+            Typed::Ready => {}
+            Typed::Held => {
+                rig.command(Command::Load(file));
+                go(&mut rig, Command::Run { from_line: None });
+                prop_assert_eq!(state(&rig), State::Held);
+            }
+            Typed::LinesHeld => {
+                mdi(&mut rig, "M0");
+                prop_assert_eq!(state(&rig), State::Held);
+            }
+        }
+        for line in &lines {
+            rig.command(Command::Mdi((*line).to_owned()));
+        }
+        settle(&mut rig);
+        if stops {
+            go(&mut rig, Command::Stop);
+        }
+        // What is held still.
+        for _ in 0..6 {
+            if state(&rig) == State::Held {
+                go(&mut rig, Command::CycleStart);
+            }
+            if state(&rig) == State::Held {
+                go(&mut rig, Command::Resume);
+            }
+        }
+        prop_assert_eq!(state(&rig), State::Ready, "{:?} {:?}", rig.refused, rig.events);
+        if matches!(place, Typed::Held) && !stops {
+            prop_assert_eq!(at(&rig, AxisLetter::X), 10.0, "{:?}", rig.refused);
+        }
+        let refused = rig.refused.len();
+        mdi(&mut rig, "G90 G0 X20");
+        prop_assert_eq!(&rig.refused[refused..], &[]);
+        prop_assert_eq!(at(&rig, AxisLetter::X), 20.0);
+    }
+
+    /// Whatever a feed hold stops, it is shown as held once that stands: also on its way back from where it was jogged.
+    #[test]
+    fn what_is_shown_as_held_stands(way in 20.0..150.0f64, wake_ups in 0..300usize, first in 50..300usize) {
+        let mut rig = ready();
+        let file = rig.folder.file("part.ngc", "G21 G90 G61\nG1 X30 F1500\nG1 X0\nM2\n");
+        rig.command(Command::Load(file));
+        rig.command(Command::Run { from_line: None });
+        for _ in 0..first {
+            rig.step();
+        }
+        go(&mut rig, Command::FeedHold);
+        let (axis, distance, speed) = (AxisLetter::Y, way, None);
+        go(&mut rig, Command::Jog(Jog::By { axis, distance, speed }));
+        prop_assert_eq!(state(&rig), State::Held);
+        rig.command(Command::Resume);
+        for _ in 0..wake_ups {
+            rig.step();
+        }
+        rig.command(Command::FeedHold);
+        rig.run_until(|rig| matches!(state(rig), State::Held | State::Ready));
+        if state(&rig) == State::Held {
+            let resumed = rig.refused.is_empty();
+            let stood = rig.rows.last().is_some_and(|row| row.plan.velocity.iter().all(|it| *it == 0.0));
+            prop_assert!(!resumed || stood, "{:?}", rig.rows.last());
+        }
+        for _ in 0..3 {
+            go(&mut rig, Command::Resume);
+        }
+        prop_assert_eq!(state(&rig), State::Ready, "{:?}", rig.refused);
+    }
+}
+
+/// Cycle start ends no feed hold, and says so.
+#[test]
+fn a_feed_hold_is_no_pause() {
+    let mut rig = ready();
+    rig.goes_on = false;
+    let file = rig
+        .folder
+        .file("part.ngc", "G21 G90\nG1 X30 F1500\nM0\nG1 X0\nM2\n");
+    rig.command(Command::Load(file));
+    rig.command(Command::Run { from_line: None });
+    for _ in 0..100 {
+        rig.step();
+    }
+    go(&mut rig, Command::FeedHold);
+    go(&mut rig, Command::CycleStart);
+    let why: Vec<_> = rig.refused.iter().map(|it| &it.reason).collect();
+    assert_eq!(why, [&Refusal::Machine(OrderRefusal::FeedHeld)]);
+    assert_eq!(state(&rig), State::Held);
+    go(&mut rig, Command::Resume);
+    assert_eq!((state(&rig), rig.refused.len()), (State::Held, 1));
+    go(&mut rig, Command::CycleStart);
+    assert_eq!((state(&rig), rig.refused.len()), (State::Ready, 1));
 }
 
 /// Each time it is frozen anew, a little beside where it was; and while SYNC is off no cycle is full.
@@ -335,7 +453,7 @@ fn a_line_that_is_refused_is_never_told_as_at_work() {
     assert!(!told.contains("MDI:"), "{told}");
 }
 
-/// A gantry that stands a little askew, as it is enabled.
+/// A gantry that stands a little askew, as it is enabled; behind that it is square.
 #[test]
 fn a_console_tells_that_a_gantry_is_taken_square() {
     let folder = Folder::new();
@@ -344,14 +462,46 @@ fn a_console_tells_that_a_gantry_is_taken_square() {
         "drive_soft_limits = true\nsimulation = { start = 300.0, start_skew = -0.25 }\n",
     );
     let machine = folder.file("machine.toml", &machine_with("portal", &[skewed]));
-    let told = console_by_lines(&machine, "status\ndisable\nwait\nenable\n");
+    let told = console_by_lines(&machine, "wait\ndisable\nwait\nenable\n");
     let what = "axis X: its sides are -0.250 mm out of square: they are taken square before the machine is ready";
     let times = told.matches("out of square").count();
     assert!(told.contains(what) && times == 1, "{told}");
 }
 
-/// What a console tells that is given these lines, in real time, until the machine is off.
-fn console_by_lines(machine: &Path, lines: impl AsRef<[u8]>) -> String {
+/// A program that is stopped where it is held does not run any more; in real time its stop is over before the planner has left it.
+#[test]
+fn a_stop_where_a_program_is_held_tells_no_running() {
+    let folder = Folder::new();
+    let part = folder.file("part.ngc", "G91 G1 X1 F3000\nM0\nG1 X1\nM2\n");
+    let (mut console, mut input) = console_that_reads(&folder.machine("portal"));
+    let mut told = BufReader::new(console.stdout.take().unwrap()).lines();
+    let mut until = |state: &str| {
+        let mut before = Vec::new();
+        for line in told.by_ref().map(Result::unwrap) {
+            before.push(line);
+            if before.last().is_some_and(|line| line.starts_with(state)) {
+                return before;
+            }
+        }
+        panic!("no {state:?}: {before:?}");
+    };
+    writeln!(input, "wait\nload {}\nrun", part.display()).unwrap();
+    assert!(until("held: ").iter().any(|it| it.starts_with("running: ")));
+    // Behind what the hold itself still does.
+    thread::sleep(Duration::from_millis(300));
+    writeln!(input, "stop").unwrap();
+    let behind = until("ready: ");
+    assert!(
+        !behind.iter().any(|it| it.starts_with("running: ")),
+        "{behind:?}"
+    );
+    drop(input);
+    until("off: ");
+    assert!(console.wait().unwrap().success());
+}
+
+/// A console by lines, in real time, and where it reads them.
+fn console_that_reads(machine: &Path) -> (Child, ChildStdin) {
     let mut console = syncline();
     console.arg("console").arg(machine);
     let console = console
@@ -359,7 +509,13 @@ fn console_by_lines(machine: &Path, lines: impl AsRef<[u8]>) -> String {
         .stdout(Stdio::piped())
         .stderr(Stdio::piped());
     let mut console = console.spawn().expect("it starts");
-    let mut input = console.stdin.take().unwrap();
+    let input = console.stdin.take().unwrap();
+    (console, input)
+}
+
+/// What a console tells that is given these lines, in real time, until the machine is off.
+fn console_by_lines(machine: &Path, lines: impl AsRef<[u8]>) -> String {
+    let (console, mut input) = console_that_reads(machine);
     input.write_all(lines.as_ref()).unwrap();
     drop(input);
     let output = console.wait_with_output().unwrap();
@@ -375,6 +531,26 @@ pub(super) fn console_on_a_terminal(machine: &Path, options: &str) -> Terminal {
         syncline().get_program().to_string_lossy(),
         machine.display()
     ))
+}
+
+/// The list of the keys hides where the axes are: any key closes it, and moves nothing.
+#[test]
+fn keys_move_nothing_behind_their_list() {
+    let folder = Folder::new();
+    let mut keys = console_on_a_terminal(&folder.machine("xyz"), "");
+    keys.wait_until(|screen| screen.starts_with(" READY"));
+    for key in [&b"\x1B[C"[..], b"?", b"\r", b":", b" "] {
+        keys.press(b"?");
+        keys.wait_until(|screen| !screen.contains("speed "));
+        keys.press(key);
+        keys.wait_until(|screen| screen.contains("speed "));
+    }
+    keys.press(b"\x1B[C");
+    keys.wait_until(|screen| screen.contains("1.000"));
+    thread::sleep(Duration::from_millis(300));
+    let screen = keys.wait_until(|screen| screen.starts_with(" READY"));
+    assert!(screen.contains("\n X        1.000 "), "{screen}");
+    keys.press(b":switch_off\r");
 }
 
 /// On a terminal that tells when a key is released: the answer to whether it does, and an arrow to the

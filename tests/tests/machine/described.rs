@@ -46,6 +46,18 @@ pub(super) fn sheet(mode: u8, pdos: u8, [r_pdo, t_pdo]: [u8; 2], fixed: Option<[
     eds
 }
 
+/// The mapping of these PDOs is read-only, and the data sheet does not say what it is.
+pub(super) fn leave_mapping_out(eds: &mut Eds, [r_pdo, t_pdo]: [u8; 2]) {
+    for index in [0x15FF + u16::from(r_pdo), 0x19FF + u16::from(t_pdo)] {
+        if let Some(mapping) = eds.objects.get_mut(&index) {
+            for parameter in mapping.subs.values_mut() {
+                parameter.default = None;
+                parameter.access = Access::Ro;
+            }
+        }
+    }
+}
+
 /// A description of X; Y stays the example's.
 #[derive(Clone, Debug)]
 struct Description {
@@ -59,6 +71,8 @@ struct Description {
     tells_following: bool,
     interpolates: bool,
     fixed_mapping: bool,
+    /// What is mapped stands in the data sheet.
+    tells_mapping: bool,
     vendor_id: u32,
     /// Units of velocity at so many revolutions a minute; increments/s.
     velocity_unit: Option<[u32; 2]>,
@@ -74,7 +88,7 @@ impl Description {
             prop::option::of((1..=20u32, 1..=1000u32).prop_map(|(rpm, finer)| [rpm * finer, rpm]));
         (
             (1..=4u8, 1..=4u8, 1..=4u8),
-            (8192..=1u32 << 24, any::<[bool; 5]>(), any::<u32>()),
+            (8192..=1u32 << 24, any::<[bool; 6]>(), any::<u32>()),
             (
                 prop::sample::select(vec![PROFILE_VELOCITY, 7, 8, VELOCITY]),
                 unit,
@@ -96,6 +110,7 @@ impl Description {
                     tells_following: has[2],
                     interpolates: has[3],
                     fixed_mapping: has[4],
+                    tells_mapping: has[5],
                     vendor_id,
                     velocity_unit: unit,
                 },
@@ -149,6 +164,9 @@ impl Description {
             [self.r_pdo, self.t_pdo],
             self.fixed_mapping.then_some(mapped),
         );
+        if self.fixed_mapping && !self.tells_mapping {
+            leave_mapping_out(&mut eds, [self.r_pdo, self.t_pdo]);
+        }
         if !self.has_resolution {
             eds.objects
                 .retain(|index, _| ![0x608F, 0x6091].contains(index));
@@ -310,6 +328,7 @@ fn another_makers_drive_is_refused() {
         tells_following: true,
         interpolates: true,
         fixed_mapping: false,
+        tells_mapping: true,
         vendor_id: 0x1234,
         velocity_unit: None,
     };

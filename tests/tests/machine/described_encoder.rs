@@ -25,6 +25,8 @@ struct Description {
     has_scaling: bool,
     has_heartbeat: bool,
     fixed_mapping: bool,
+    /// What is mapped stands in the data sheet.
+    tells_mapping: bool,
     vendor_id: u32,
 }
 
@@ -33,7 +35,7 @@ impl Description {
     fn any() -> impl Strategy<Value = Self> {
         (
             (1024..=1u32 << 20, 32..=0xFFFFu32, 1..=4u8, 1..=4u8),
-            (any::<[bool; 4]>(), any::<u32>()),
+            (any::<[bool; 5]>(), any::<u32>()),
         )
             .prop_map(
                 |((steps_per_turn, turns, t_pdo, pdos), (has, vendor_id))| Self {
@@ -46,6 +48,7 @@ impl Description {
                     has_scaling: has[1],
                     has_heartbeat: has[2],
                     fixed_mapping: has[3],
+                    tells_mapping: has[4],
                     vendor_id,
                 },
             )
@@ -73,7 +76,7 @@ impl Description {
             let subs = &mut mapping.unwrap().subs;
             for (sub, value) in [(0, 1), (1, 0x6004_0020)] {
                 let parameter = subs.get_mut(&sub).unwrap();
-                parameter.default = Some(Number(value));
+                parameter.default = self.tells_mapping.then_some(Number(value));
                 parameter.access = Access::Ro;
             }
         }
@@ -225,6 +228,7 @@ fn another_encoder_is_refused() {
         has_scaling: true,
         has_heartbeat: true,
         fixed_mapping: false,
+        tells_mapping: true,
         vendor_id: 0x1234,
     };
     let file = description.write(&folder);

@@ -354,13 +354,12 @@ fn typed_lines_leave_it_on_and_disabling_stops_it_first() {
 pub(super) const CUT: &str = "G21 G90 G61\nM3 S2400\nG1 X150 F6000\nX-150\nX150\nM2\n";
 
 /// Each way in which it is lost, and what is told of it.
-pub(super) const LOSSES: [(Disturbance, &str); 6] = [
+pub(super) const LOSSES: [(Disturbance, &str); 5] = [
     (Disturbance::Fault(ErrorClass::StopAndSwitchOff), "EMCY"),
     (Disturbance::Fault(ErrorClass::SwitchOff), "EMCY"),
     (Disturbance::Mute(true), "no T_PDO in 2 cycles"),
     (Disturbance::Reset, "no T_PDO in 2 cycles"),
     (Disturbance::Mains(false), "EMCY"),
-    (Disturbance::Remote(false), "not under fieldbus control"),
 ];
 
 fn begun(program: &str) -> Rig {

@@ -17,6 +17,7 @@ use syncline_tests::rig::Rig;
 const VALVE: u16 = 0x0002;
 const CLAMP_IS_OFF: u16 = 0x0200;
 const FLOOD: u16 = 0x0020;
+const MIST: u16 = 0x0040;
 
 /// The outputs by name, of which the clamp is safe where it is on.
 const NAMES: [&str; 3] = ["valve", "clamp", "flood"];
@@ -38,10 +39,9 @@ fn switch_by_hand(rig: &mut Rig, by_hand: [Option<bool>; 3]) {
     }
 }
 
-/// What is done by hand before a program; to the flood nothing, as that is a program's own where it begins in its middle.
+/// What is done by hand before a program.
 fn by_hand() -> impl Strategy<Value = [Option<bool>; 3]> {
-    let switched = prop::array::uniform2(prop::option::of(any::<bool>()));
-    switched.prop_map(|[valve, clamp]| [valve, clamp, None])
+    prop::array::uniform3(prop::option::of(any::<bool>()))
 }
 
 /// What switches one of them, by its number from 1 on.
@@ -160,7 +160,7 @@ proptest! {
         let expected = digital(programmed(&text, line, by_hand));
         // What goes off is listed as well.
         let told = rig.messages.last().map(|(_, told)| told.clone()).unwrap_or_default();
-        for (name, bit) in [(" P1", VALVE), (" P2", CLAMP_IS_OFF), ("the coolant", FLOOD)] {
+        for (name, bit) in [(" P1", VALVE), (" P2", CLAMP_IS_OFF), (" flood ", FLOOD)] {
             let changes = (before ^ expected) & bit != 0;
             prop_assert_eq!(told.contains(name), changes, "{}", told);
         }
@@ -191,8 +191,8 @@ proptest! {
         go(&mut rig, Command::Run { from_line: Some(line) });
         prop_assert_eq!(state(&rig), State::Held, "{:?}", rig.problems);
         prop_assert_eq!(outputs(&mut rig).0, before);
-        // A program takes the coolant to be off until it switches it on, and tells so.
-        let as_it_is = [by_hand[0].unwrap_or(false), by_hand[1].unwrap_or(true), false];
+        let [valve, clamp, flood] = by_hand;
+        let as_it_is = [valve.unwrap_or(false), clamp.unwrap_or(true), flood.unwrap_or(false)];
         let expected = digital(programmed(&text, line, as_it_is.map(Some)));
         rig.command(Command::CycleStart);
         run_to(&mut rig, line);
@@ -275,6 +275,80 @@ fn m9_switches_off_what_was_switched_on_by_hand() {
             assert_eq!(state(&rig), State::Held);
         }
         assert_eq!(outputs(&mut rig).0 & FLOOD, 0);
+    }
+}
+
+/// M8 is on, whoever switched the coolant off, also while a program is held.
+#[test]
+fn m8_switches_on_what_was_switched_off_by_hand() {
+    for held in [false, true] {
+        let mut rig = cooled();
+        if held {
+            let file = rig
+                .folder
+                .file("part.ngc", "M8\nG1 X10 F3000\nM0\nG1 X20\nM2\n");
+            go(&mut rig, Command::Load(file));
+            go(&mut rig, Command::Run { from_line: None });
+            assert_eq!(state(&rig), State::Held);
+        } else {
+            mdi(&mut rig, "M8");
+        }
+        assert_eq!(outputs(&mut rig).0 & FLOOD, FLOOD);
+        go(&mut rig, output("flood", false));
+        assert_eq!(outputs(&mut rig).0 & FLOOD, 0);
+        mdi(&mut rig, "M8");
+        assert_eq!(outputs(&mut rig).0 & FLOOD, FLOOD, "{held}");
+    }
+}
+
+/// What an operator does about the coolant.
+#[derive(Clone, Copy, Debug)]
+enum Cooling {
+    /// Switches an output by hand.
+    ByHand(&'static str, bool),
+    /// Types a line.
+    Typed(&'static str),
+}
+
+fn cooling() -> impl Strategy<Value = Cooling> {
+    prop_oneof![
+        (select(&["mist", "flood"][..]), any::<bool>())
+            .prop_map(|(it, on)| Cooling::ByHand(it, on)),
+        select(&["M7", "M8", "M9", "M7 M8"][..]).prop_map(Cooling::Typed),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// Each code switches the coolant that it names, whoever has switched it before, and leaves the other one as it is.
+    #[test]
+    fn each_code_switches_the_coolant_that_it_names(steps in prop::collection::vec(cooling(), 1..8)) {
+        let table = |name: &str, signal: &str| {
+            format!("[[output]]\nname = \"{name}\"\nio = \"cabinet\"\nsignal = \"{signal}\"\nfunction = \"{name}\"\n\n")
+        };
+        let mut rig = staying_on_with(&(table("flood", "DO5") + &table("mist", "DO6")));
+        rig.goes_on = false;
+        let mut expected = 0;
+        for step in steps {
+            match step {
+                Cooling::ByHand(name, on) => {
+                    go(&mut rig, output(name, on));
+                    let bit = if name == "mist" { MIST } else { FLOOD };
+                    expected = if on { expected | bit } else { expected & !bit };
+                }
+                Cooling::Typed(line) => {
+                    mdi(&mut rig, line);
+                    expected = match line {
+                        "M7" => expected | MIST,
+                        "M8" => expected | FLOOD,
+                        "M9" => 0,
+                        _ => MIST | FLOOD,
+                    };
+                }
+            }
+            prop_assert_eq!(outputs(&mut rig).0 & (MIST | FLOOD), expected);
+        }
     }
 }
 

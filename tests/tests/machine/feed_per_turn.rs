@@ -231,7 +231,7 @@ fn measured(row: &Row<COORDINATES>) -> f64 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 3, ..ProptestConfig::default() })]
 
     /// Below Z20 the feed that is asked for is by the measured turns, from the cut's beginning on; it ends, within the limits.
     #[test]

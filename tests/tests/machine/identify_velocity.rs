@@ -44,7 +44,7 @@ static BY_MANUAL: LazyLock<f64> = LazyLock::new(|| {
 });
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(3))]
+    #![proptest_config(ProptestConfig::with_cases(2))]
 
     /// The position loop of a TLC53x has 80 1/s: it is 12.5 ms late, whatever the file says, by which it is driven meanwhile. With
     /// what is found it follows better than with what its manual says.

@@ -7,6 +7,7 @@ use syncline_canopen::{CobId, Instant, NodeId};
 use syncline_controller::control::fault::DeviceCause;
 use syncline_controller::control::{End, Event, Fault, Phase, State as MachineState};
 use syncline_controller::session::{self, Command, Jog, Override, SwitchChange};
+use syncline_drives::bus::Transmission;
 use syncline_drives::twin::cia401::Twin;
 use syncline_drives::twin::{Disturbance, ErrorClass, SimulatedDevice};
 use syncline_gcode::{AxisLetter, Turning};
@@ -514,11 +515,16 @@ pub(super) fn staying_on() -> Rig {
 /// The same, with more of these in its machine file.
 pub(super) fn staying_on_with(more: &str) -> Rig {
     const TURNS: &str = "\n[[output]]\nname = \"turns\"\nio = \"cabinet\"\nsignal = \"DO3\"\nfunction = \"spindle\"\n\n[machine]\n";
-    let more = format!("{more}{}", TURNS.trim_start());
-    let wired = WIRED.replace("[machine]\n", &more);
+    let mut rig = switched_on_with(&format!("{more}{}", TURNS.trim_start()));
+    settle(&mut rig);
+    rig
+}
+
+/// The portal with such a node and these in its machine file, as it begins to come up.
+fn switched_on_with(more: &str) -> Rig {
+    let wired = WIRED.replace("[machine]\n", more);
     let mut rig = Rig::staying_on("portal", &[("[machine]\n", &wired)], |_, _| ());
     set(&mut rig, ENABLE, true);
-    settle(&mut rig);
     rig
 }
 
@@ -827,6 +833,60 @@ proptest! {
         }
         go(&mut rig, Command::Stop);
         prop_assert_eq!(outputs(&mut rig), SAFE);
+    }
+}
+
+/// What keeps a machine from coming up.
+#[derive(Clone, Copy, Debug)]
+enum Kept {
+    Disabled,
+    /// A drive is not heard any more.
+    Mute,
+    /// The I/O node's enable goes.
+    Enable,
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 32, ..ProptestConfig::default() })]
+
+    /// A machine that does not come up has safe outputs once its devices are known: also one that is safe where its terminal is
+    /// on, of which a node that hears no R_PDO yet knows nothing.
+    #[test]
+    fn a_machine_that_does_not_come_up_has_safe_outputs(
+        phase in select(vec![
+            Phase::Boot, Phase::SetUp, Phase::Start, Phase::Lock, Phase::Disabled, Phase::ReadyToSwitchOn,
+            Phase::OperationEnabled, Phase::ModeStart,
+        ]),
+        kept in select(vec![Kept::Disabled, Kept::Mute, Kept::Enable]),
+        wake_ups in prop_oneof![0..4usize, 0..60usize],
+    ) {
+        const LAMP: &str = "\n[[output]]\nname = \"lamp\"\nio = \"cabinet\"\nsignal = \"DO5\"\nsafe = \"on\"\nnumber = 9\n\n[machine]\n";
+        let mut rig = switched_on_with(LAMP.trim_start());
+        rig.run_to(phase);
+        for _ in 0..wake_ups {
+            rig.step();
+        }
+        // What is written to it comes behind its identity.
+        let is_download = |sent: &Transmission| sent.frame.data()[0] >> 5 == 1;
+        let is_known = rig.sent(CobId::r_sdo(node())).iter().any(is_download);
+        match kept {
+            Kept::Disabled => rig.command(Command::Disable),
+            Kept::Mute => rig.twin(2).disturb(Disturbance::Mute(true)),
+            Kept::Enable => set(&mut rig, ENABLE, false),
+        }
+        // What falls away shows some cycles later.
+        for _ in 0..10 {
+            rig.step();
+        }
+        settle(&mut rig);
+        let state = state(&rig);
+        prop_assert!(matches!(state, MachineState::Disabled | MachineState::Faulted), "{:?}", state);
+        let (digital, analog) = SAFE;
+        let seen = outputs(&mut rig);
+        prop_assert!(!is_known || seen == (digital | 1 << 5, analog), "{:?}: {:?}", state, seen);
+        // Nothing is said of outputs of which the node was told nothing.
+        let said = rig.events.iter().any(|it| matches!(it, Event::Output { on: true, .. }));
+        prop_assert!(!said || outputs(&mut rig).0 & 1 << 5 != 0, "{:?}", rig.events);
     }
 }
 

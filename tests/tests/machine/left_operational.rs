@@ -6,7 +6,7 @@ use super::{described, losses, stepper, velocity};
 use proptest::prelude::*;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CobId, nmt};
-use syncline_controller::control::fault::AxisCause;
+use syncline_controller::control::fault::{AxisCause, BusCause};
 use syncline_controller::control::{End, Fault, State};
 use syncline_controller::port::Port;
 use syncline_controller::session::Command;
@@ -156,7 +156,7 @@ enum Moment {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 16, max_shrink_iters: 20, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 8, max_shrink_iters: 20, ..ProptestConfig::default() })]
 
     /// Whichever devices are taken out of Operational, whenever, to Pre-operational or to Stopped, where they take no SDO
     /// either: the machine stays on and is stopped by a fault, and there no drive has power and no output is on but for those
@@ -165,6 +165,8 @@ proptest! {
     fn a_machine_that_is_stopped_by_a_fault_is_without_power(
         device in prop::option::of(prop::sample::select(FAST.to_vec())),
         stopped: bool,
+        // Another master's command is heard, and what a device does by itself is not.
+        heard: bool,
         moment in prop_oneof![
             2 => Just(Moment::Moving),
             1 => Just(Moment::Resting),
@@ -197,9 +199,20 @@ proptest! {
         }
         let command = if stopped { nmt::Command::Stop } else { nmt::Command::EnterPreOperational };
         let node = device.map(|device| rig.layout.devices[device].device.spec().node);
-        let frame = nmt::Request { command, node }.encode();
-        rig.bus().send_acyclic(&[frame]).unwrap();
+        let request = nmt::Request { command, node };
+        let before = rig.session.timeline().now();
+        if heard {
+            rig.intrude(0, request.encode());
+        } else {
+            rig.bus().send_acyclic(&[request.encode()]).unwrap();
+        }
         rig.run_until(|rig| !rig.session.faults().is_empty());
+        if heard {
+            let first = Fault::Bus(0, BusCause::SecondNmtMaster { request });
+            prop_assert_eq!(rig.session.faults().first(), Some(&first));
+            let took = rig.session.timeline().now() - before;
+            prop_assert!(took <= rig.machine.cycle * 2, "{took:?}");
+        }
         let end = rig.session.timeline().now() + Duration::from_secs(9);
         rig.run_until(|rig| rig.session.timeline().now() > end);
         prop_assert_eq!(state(&rig), State::Faulted, "{:?}", rig.session.faults());

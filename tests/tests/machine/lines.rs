@@ -221,6 +221,33 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig { max_shrink_iters: 30, failure_persistence: None, ..ProptestConfig::with_cases(4) })]
+
+    /// A single block rests where one ends, also where that is in a rounding or on a curve that stands for many: as near to it
+    /// as the tolerance says.
+    #[test]
+    fn a_single_block_rests_where_one_ends((contour, tolerance) in contours()) {
+        let mut rig = Rig::portal(&contour.program);
+        rig.goes_on = false;
+        rig.command(Command::SingleBlock(SwitchChange::To(true)));
+        let mut count = 0;
+        while rig.step() {
+            if rests(&rig) == count {
+                continue;
+            }
+            count += 1;
+            rig.command(Command::Resume);
+            let Some(row) = rig.rows.last() else { continue };
+            let [x, y, ..] = row.plan.position;
+            let off = contour.points.iter().map(|point| distance(*point, [x, y]));
+            let off = off.fold(f64::INFINITY, f64::min);
+            prop_assert!(off <= 2.0 * tolerance + 1e-6, "rest {count}: {off} mm from the end of a block");
+        }
+        prop_assert!(2 * count >= contour.points.len(), "{count} rests");
+    }
+}
+
 /// Rests that were told.
 fn rests(rig: &Rig) -> usize {
     rig.events

@@ -2,6 +2,7 @@
 //! portal on a TLC53x that is sent velocities, Z on a TSP10-CBE with a TWK CRN on its screw, U and W point to point on
 //! a TLC53x and a TSP10-CBE.
 
+use super::day::{at, go, settle, state};
 use super::{point_to_point, stepper, velocity};
 use proptest::prelude::*;
 use std::ops::Range;
@@ -9,8 +10,10 @@ use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId};
 use syncline_controller::control::fault::{AxisCause, BusCause, Names};
 use syncline_controller::control::loss::{Compared, Sign};
-use syncline_controller::control::{End, Fault};
+use syncline_controller::control::{End, Fault, State};
+use syncline_controller::session::Command;
 use syncline_drives::twin::{Config, Disturbance, ErrorClass};
+use syncline_gcode::AxisLetter;
 use syncline_tests::rig::Rig;
 
 // Among the devices.
@@ -87,17 +90,11 @@ const HEARTBEAT: By = By::Sign(|sign| sign == Sign::Heartbeat);
 const ANSWERS: By = By::Sign(|sign| matches!(sign, Sign::Answers(_)));
 
 /// Each loss of each device, by what it is noticed and what is said.
-pub(super) const LOSSES: [(usize, Loss, By, &str); 21] = [
+pub(super) const LOSSES: [(usize, Loss, By, &str); 20] = [
     (Y, Loss::Power, By::Telling, "EMCY 3120h"),
     (Y, Loss::Control, T_PDOS, "no T_PDO in 2 cycles in a row"),
     (Y, Loss::Bus, T_PDOS, "no T_PDO in 2 cycles in a row"),
     (Y, Loss::Heartbeat, HEARTBEAT, "heartbeat lost"),
-    (
-        Y,
-        Loss::LocalControl,
-        By::Telling,
-        "not under fieldbus control",
-    ),
     (Y, Loss::Error, By::Telling, "EMCY 8611h"),
     (Z, Loss::Power, By::Telling, "drive fault, statusword"),
     (Z, Loss::Control, ANSWERS, "booted in the middle of the run"),
@@ -261,6 +258,9 @@ const Z_COORDINATE: usize = 2;
 /// By how much both differ without a loss, mm.
 const MARGIN: f64 = 0.02;
 
+/// What has Z sent velocities; without it, it goes point to point, and its encoder only watches.
+const SENT_VELOCITIES: &str = "position_loop = \"encoder\"\nunsupervised_stop = \"hardware\"";
+
 fn axis_z(rig: &Rig) -> usize {
     let mut axes = rig.layout.axes.iter();
     axes.position(|axis| axis.name == "Z").expect("it has one")
@@ -342,10 +342,7 @@ proptest! {
 /// the encoder tells it once both rest.
 #[test]
 fn steps_that_a_motor_loses_on_its_way_are_found() {
-    let goes = (
-        "position_loop = \"encoder\"\nunsupervised_stop = \"hardware\"",
-        "",
-    );
+    let goes = (SENT_VELOCITIES, "");
     for rows in [5, 20, 60] {
         let mut rig = machine_of(&[goes], "G21 G90\nG0 Z-40\nG4 P2\nM2\n", |_, _| ());
         let act = |rig: &Rig| {
@@ -384,6 +381,129 @@ fn steps_that_a_motor_loses_on_its_way_are_found() {
         assert!(after <= within, "{rows}: {after:?} of {within:?}");
         assert!(matches!(rig.finish(), End::Fault(_)));
     }
+}
+
+/// A stepper that counts from where it is switched on comes up where the encoder that watches it says, and does so again behind
+/// the reset that follows lost steps, and where it is enabled after it was moved without power.
+fn learns_its_place(start: f64, mm: f64) {
+    let goes = format!("simulation = {{ start = {start} }}");
+    let goes = (SENT_VELOCITIES, &*goes);
+    let case = format!("{start}, {mm}");
+    let mut rig = staying_on(&[goes]);
+    settle(&mut rig);
+    assert_eq!(state(&rig), State::Ready, "{case}: {:?}", rig.events);
+    let z = |rig: &Rig| at(rig, AxisLetter::Z);
+    assert!((z(&rig) - start).abs() < MARGIN, "{case}: {}", z(&rig));
+    let there = start / 2.0;
+    go(&mut rig, Command::Mdi(format!("G90 G0 Z{there}")));
+    assert_eq!(state(&rig), State::Ready, "{case}: {:?}", rig.events);
+    slips(&mut rig, mm);
+    settle(&mut rig);
+    go(&mut rig, Command::Reset);
+    if state(&rig) == State::Disabled {
+        go(&mut rig, Command::Enable);
+    }
+    assert_eq!(state(&rig), State::Ready, "{case}: {:?}", rig.events);
+    let found = z(&rig) - there;
+    assert!((found - mm).abs() < MARGIN, "{case}: {found}");
+    let before = rig.twin(Z).observe().position;
+    go(&mut rig, Command::Mdi(format!("G90 G0 Z{there}")));
+    assert_eq!(state(&rig), State::Ready, "{case}: {:?}", rig.events);
+    let made_up = 10.0 * (rig.twin(Z).observe().position - before);
+    assert!((made_up + mm).abs() < MARGIN, "{case}: {made_up}");
+    // By hand, while nothing holds it.
+    go(&mut rig, Command::Disable);
+    rig.slip(0, 10.0 * mm / 10.0);
+    go(&mut rig, Command::Enable);
+    assert_eq!(
+        state(&rig),
+        State::Ready,
+        "{case}: {:?}",
+        rig.session.faults()
+    );
+    let found = z(&rig) - there;
+    assert!((found - 10.0 * mm).abs() < MARGIN, "{case}: {found}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 4, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_stepper_learns_its_place_from_the_encoder_that_watches_it(
+        start in -290.0..-10.0f64, mm in 0.13..0.5f64, backward: bool,
+    ) {
+        learns_its_place(start, if backward { -mm } else { mm });
+    }
+}
+
+/// What slips while its drive rests is found at once, also while it goes on and other axes move.
+#[test]
+fn what_slips_while_its_drive_rests_is_found_while_it_slips() {
+    let mut rig = machine_of(
+        &[(SENT_VELOCITIES, "")],
+        "G21 G90 G61\nG1 X300 Y90 F2000\nM2\n",
+        |_, _| (),
+    );
+    rig.run_to_row(400);
+    let before = rig.rows.len();
+    // 30 mm/s, as a load that its motor does not hold.
+    while rig.controller().faults().is_empty() && rig.rows.len() < before + 400 {
+        rig.slip(0, -0.018);
+        rig.step();
+        rig.step();
+    }
+    let z = axis_z(&rig);
+    let fault = rig.controller().faults().first().copied();
+    let Some(Fault::Axis(axis, AxisCause::FeedbackDifference { difference })) = fault else {
+        panic!("{fault:?}");
+    };
+    assert!(axis == z && difference.abs() < 0.8, "{difference}");
+    assert!(matches!(rig.finish(), End::Fault(_)));
+}
+
+/// A target is reached once the encoder was held against the drive there: behind a rotor that was held fast no block begins.
+#[test]
+fn nothing_goes_on_behind_a_rotor_that_was_held_fast() {
+    for rows in [5, 20, 60] {
+        let program = "G21 G90\nG0 Z-40\nG1 X30 F3000\nM2\n";
+        let mut rig = machine_of(&[(SENT_VELOCITIES, "")], program, |_, _| ());
+        let act = |rig: &Rig| {
+            rig.rows
+                .last()
+                .map_or(0.0, |row| row.axes[Z_COORDINATE].act)
+        };
+        rig.run_until(|rig| act(rig) < -10.0);
+        rig.twin(Z).disturb(Disturbance::Block(true));
+        let row = rig.rows.len() + rows;
+        rig.run_to_row(row);
+        rig.twin(Z).disturb(Disturbance::Block(false));
+        assert!(matches!(rig.finish(), End::Fault(Fault::Axis(..))));
+        let went = rig.rows.iter().map(|row| row.plan.position[0]);
+        assert_eq!(went.fold(0.0, f64::max), 0.0, "{rows}");
+    }
+}
+
+/// One that counts from where it is set up is not referenced any more behind a reset, whatever the fault was of.
+#[test]
+fn a_stepper_that_was_homed_is_to_be_homed_again_behind_a_reset() {
+    let mut rig = staying_on(&[]);
+    settle(&mut rig);
+    go(&mut rig, super::homing::home(AxisLetter::W));
+    go(&mut rig, Command::Mdi("G90 G0 W20".to_owned()));
+    let referenced = |rig: &Rig| rig.session.status().referenced[AxisLetter::W.index()];
+    assert!(
+        referenced(&rig) && state(&rig) == State::Ready,
+        "{:?}",
+        rig.events
+    );
+    happen(&mut rig, Y, Loss::Error);
+    settle(&mut rig);
+    go(&mut rig, Command::Reset);
+    if state(&rig) == State::Disabled {
+        go(&mut rig, Command::Enable);
+    }
+    assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+    assert!(!referenced(&rig));
 }
 
 // --- a bus is lost ---

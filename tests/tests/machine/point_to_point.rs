@@ -478,6 +478,14 @@ fn one_that_never_halts_is_told() {
     }
 }
 
+/// A panel may take control of one between its targets, as whoever set it up has it.
+#[test]
+fn who_may_control_one_stays_as_it_is() {
+    let mut rig = portal("G21 G90\nG0 U20\nM2\n");
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    assert_eq!(velocity::only_by_fieldbus(&rig, 5), [0; 0]);
+}
+
 #[test]
 fn each_loss_has_its_own_message() {
     let cases = [

@@ -420,7 +420,9 @@ proptest! {
         let mut rig = Rig::new("xyz", &[(HERE, &*machine)], &program, |_, _| ());
         match rig.finish() {
             End::Finished => {
-                let far = rig.rows.iter().map(|row| row.plan.position[0]).fold(f64::MIN, f64::max);
+                // Before it is down there it comes from further on.
+                let down = rig.rows.iter().filter(|row| row.plan.position[2] < -29.9);
+                let far = down.map(|row| row.plan.position[0]).fold(f64::MIN, f64::max);
                 // The ball of 4 mm touches the face at X0.
                 prop_assert!(far + 2.0 <= overtravel + 0.01, "{far}");
             }
@@ -528,7 +530,8 @@ proptest! {
             prop_assert_eq!(stopped, into, "{:?}", rig.events);
             prop_assert_eq!(touches(&rig), into);
             if !into {
-                prop_assert!((from(&rig) - way).abs() < 1e-6);
+                // Lines are typed with three decimals.
+                prop_assert!((from(&rig) - way).abs() < 6e-4, "{}", from(&rig));
                 break;
             }
             // What the axes go on for as they stop, each time that it is tried.

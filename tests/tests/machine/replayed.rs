@@ -14,6 +14,7 @@ use syncline_controller::session::{
     Accepted, Command, Direction, Event, Jog, Override, Recorded, Session, StepChange,
     Subscription, SwitchChange,
 };
+use syncline_drives::twin::{Disturbance, ErrorClass};
 use syncline_gcode::AxisLetter;
 use syncline_tests::command::Folder;
 use syncline_tests::rig::Rig;
@@ -262,6 +263,49 @@ proptest! {
         let first = [(Deed::Command(Command::Load("0.ngc".into())), before)];
         let deeds: Vec<_> = first.into_iter().chain(deeds).collect();
         let (mut rig, accepted) = day_of(&deeds);
+        prop_assert_eq!(again(&mut rig, None, &accepted), accepted);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
+
+    /// What the session does by itself has its cycle as well: a program that is loaded once more, however long behind a stop or
+    /// a fault, is begun by cycle start; one that is loaded before that is over is not.
+    #[test]
+    fn a_program_that_is_loaded_behind_a_stop_is_loaded_there_once_more(
+        fails: bool, runs in 5..400_usize, after in after(), then in after(),
+    ) {
+        let mut rig = Rig::staying_on("portal", &[], |_, _| ());
+        rig.goes_on = false;
+        let part = rig.folder.file("part.ngc", "G21 G90 G61\nG1 X30 F1500\nM0\nG1 X0\nM2\n");
+        let told = rig.session.subscribe();
+        let mut accepted = Vec::new();
+        day::settle(&mut rig);
+        rig.command(Command::Load(part.clone()));
+        rig.command(Command::Run { from_line: None });
+        for _ in 0..runs {
+            hear(&mut rig, &told, &mut accepted);
+        }
+        if fails {
+            rig.twin(2).disturb(Disturbance::Fault(ErrorClass::StopAndSwitchOff));
+            day::settle(&mut rig);
+        } else {
+            rig.command(Command::Stop);
+        }
+        for _ in 0..after {
+            hear(&mut rig, &told, &mut accepted);
+        }
+        rig.command(Command::Load(part));
+        for _ in 0..then {
+            hear(&mut rig, &told, &mut accepted);
+        }
+        if fails {
+            day::go(&mut rig, Command::Reset);
+        }
+        day::go(&mut rig, Command::CycleStart);
+        rig.command(Command::SwitchOff);
+        while hear(&mut rig, &told, &mut accepted) {}
         prop_assert_eq!(again(&mut rig, None, &accepted), accepted);
     }
 }

@@ -115,7 +115,7 @@ fn after_a_fault_a_program_is_resumed_in_the_midst_of_a_loop() {
     let begins = told(&rig).to_owned();
     for part in [
         "begins with G1 ",
-        "X200.000 Y100.000 Z-50.000 in machine coordinates; switched on the way there: the spindle, the coolant, \
+        "X200.000 Y100.000 Z-50.000 in machine coordinates; switched on the way there: the spindle, flood on, \
          M64 P1",
     ] {
         assert!(begins.contains(part), "{begins}");

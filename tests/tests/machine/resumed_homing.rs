@@ -384,7 +384,7 @@ fn no_block_before_a_homing_is_resumed_once_that_has_begun() {
         rig.run_until(|rig| homed(rig, 1) && state(rig) != State::Homing);
         rig
     };
-    for after in (0..).step_by(900) {
+    for after in (0..).step_by(1700) {
         let mut rig = run();
         rig.run_until(|rig| state(rig) == State::Homing);
         (0..after).for_each(|_| _ = rig.step());

@@ -1,5 +1,6 @@
 //! `syncline run`: a program in real time on simulated drives, as a user sees it.
 
+use serde_json::Value;
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::Path;
@@ -100,6 +101,29 @@ fn a_program_runs_to_its_end_and_leaves_its_files() {
         );
     }
     assert_eq!(&validated["frames_sha256"], digest);
+}
+
+/// The tool pushes at embedded drives in real time as it does in a validation: they send the same frames.
+#[test]
+fn a_tool_that_cuts_does_so_in_real_time() {
+    let folder = Folder::new();
+    let program = folder.file("part.ngc", "G21 G90 G61 M3 S6000\nG1 X5 F600\nM2\n");
+    let digest = |command: &str, cutting: &str| {
+        let machine = folder.file("xyz.toml", &(machine_with("xyz", &[]) + cutting));
+        let json = folder.path("out.json");
+        let output = syncline()
+            .args([command, "--seed", "5", "--json"])
+            .args([Path::new(&json), &machine, &program])
+            .stdin(Stdio::null())
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{output:?}");
+        let json: Value = serde_json::from_str(&folder.read("out.json")).unwrap();
+        json["frames_sha256"].clone()
+    };
+    let cutting = "[[simulation.cutting]]\nspecific_force = 2000.0\nwidth = 2.0\n";
+    assert_ne!(digest("validate", cutting), digest("validate", ""));
+    assert_eq!(digest("run", cutting), digest("validate", cutting));
 }
 
 #[test]

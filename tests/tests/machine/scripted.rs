@@ -85,6 +85,16 @@ fn where_the_axes_stand_is_known_as_the_machine_gets_ready() {
 }
 
 /// Stops that fall together are one: whoever gave the other waits for no answer to it.
+/// However late the last event comes, the machine is not switched off before that is done.
+#[test]
+fn the_last_event_is_done_whenever_it_is_due() {
+    for time in ["", "0.3", "1.4", "5.0"] {
+        let day = Day::of(&machine_file("xyz"), &format!("{time},mdi,G0 X10\n"), &[]);
+        assert!(day.number("/times/motion_s") > 0.05, "{time}: {}", day.told);
+        assert_eq!(day.code, 0);
+    }
+}
+
 #[test]
 fn stops_that_fall_together_hold_up_nothing() {
     for stops in [

@@ -117,7 +117,7 @@ fn a_session_takes_no_more_memory_the_longer_it_lasts() {
 
 #[test]
 fn a_run_takes_no_more_memory_the_longer_it_lasts() {
-    run_that_lasts(20);
+    run_that_lasts(12);
 }
 
 /// Some minutes for each.

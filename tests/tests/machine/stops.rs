@@ -13,7 +13,7 @@ use syncline_controller::control::{
     Controller, End, Event, Fault, Instruction, Job, Order, Pause, State, StopPoint, Switch,
 };
 use syncline_drives::model::REFERENCE;
-use syncline_gcode::{Coolant, Output, Spindle, Turning};
+use syncline_gcode::{CoolantChange, Output, Spindle, Turning};
 use syncline_tests::command::{Folder, ended, syncline};
 use syncline_tests::rig::Rig;
 use syncline_tests::terminal::Terminal;
@@ -217,11 +217,14 @@ impl Sample {
                     writeln!(text, "T{tool} M6")
                 }
                 Block::Coolant(flood) => {
-                    let coolant = Coolant { flood, mist: false };
-                    // M9 is off, whoever switched it on.
-                    if flood != flows || !flood {
-                        sample.switches.push(Switch::Coolant(coolant));
-                    }
+                    let change = match flood {
+                        true => CoolantChange {
+                            mist: None,
+                            flood: Some(true),
+                        },
+                        false => CoolantChange::OFF,
+                    };
+                    sample.switches.push(Switch::Coolant(change));
                     flows = flood;
                     writeln!(text, "{}", if flood { "M8" } else { "M9" })
                 }
@@ -274,7 +277,7 @@ impl Sample {
             sample.switches.push(off);
         }
         if flows {
-            sample.switches.push(Switch::Coolant(Coolant::default()));
+            sample.switches.push(Switch::Coolant(CoolantChange::OFF));
         }
         sample
     }

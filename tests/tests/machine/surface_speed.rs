@@ -203,7 +203,7 @@ fn a_hold_keeps_the_speed() {
 // --- anything ---
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 3, ..ProptestConfig::default() })]
 
     /// From anywhere to anywhere, through the centre too, either way round.
     #[test]

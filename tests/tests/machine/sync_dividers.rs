@@ -241,7 +241,13 @@ fn streamed(model: &str, divider: u32, program: &str) -> Rig {
         "tlc5xx" => 50_266,
         _ => 402_131 * 8,
     };
-    let drive = format!("node = 3\nmodel = \"{model}\"\nsync_divider = {divider}\nzero = {zero}");
+    // A panel may take a TLC53x.
+    let sdo = match model {
+        "tlc5xx" => "\nsdo = [[\"2060:0\", 0]]",
+        _ => "",
+    };
+    let drive =
+        format!("node = 3\nmodel = \"{model}\"\nsync_divider = {divider}\nzero = {zero}{sdo}");
     let changes = [
         ("node = 3\nmodel = \"lxm32m\"\nzero = 402_131", &*drive),
         velocity::CHANGES[1],

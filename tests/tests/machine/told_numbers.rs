@@ -4,7 +4,7 @@ use serde_json::Value;
 use syncline_tests::command::{Folder, ended, machine_with, syncline};
 
 /// With numbers that are nowhere else by chance.
-const PROGRAM: &str = "G64 P0.037 F4321\nT7 M6\nS1234 M3\nG1 X41.7 Y13.3\nG4 P0.123\nG1 Y57.9\nG3 X21.7 Y77.9 R20\n\
+const PROGRAM: &str = "G64 P0.037 F4321\nT7 M6\nS1234 M3\nG1 X41.7 Y13.3\nG4 P0.123\nG1 Y57.9\nG3 X21.7 Y77.9 R20\nG3 I-17.7\n\
                        M5\nT12 M6\nG1 Z-11.3\nG0 X0 Y0 Z0\nM2\n";
 
 /// What stands in a report for people to read, without what it is drawn with.

@@ -9,7 +9,11 @@ const PROGRAM: &str = "G64 P0.05 F9000\nG0 X-80 Y-60\nG1 X80\nG1 Y60\nG3 X40 Y10
 
 /// The validation of a program on the xyz machine with more in its file and parts of it replaced.
 fn validated(more: &str, replaced: &[(&str, &str)], program: &str) -> Value {
-    let folder = Folder::new();
+    validated_in(&Folder::new(), more, replaced, program)
+}
+
+/// The same beside other files.
+fn validated_in(folder: &Folder, more: &str, replaced: &[(&str, &str)], program: &str) -> Value {
     let machine = folder.file("xyz.toml", &(machine_with("xyz", replaced) + more));
     let program = folder.file("program.ngc", program);
     let output = syncline()
@@ -386,6 +390,17 @@ fn the_contour_error_is_that_of_the_load() {
     assert!((off(&lead).unwrap() - 0.1).abs() < 1e-3, "{:?}", off(&lead));
     let beside = (contour(&lead) - 0.1).abs();
     assert!(beside < contour(&stiff) + 1e-3, "{}", contour(&lead));
+    // 11.5 µm/m/K of steel, from the bearing on: nothing at 0, 23 µm at 100 mm.
+    let warm = of("temperature_rise = 20.0");
+    assert!((off(&warm).unwrap() - 0.023).abs() < 2e-4, "{warm:#}");
+    let beside = (contour(&warm) - 0.023).abs();
+    assert!(beside < contour(&stiff) + 1e-3, "{}", contour(&warm));
+    // As it warms, 1 m from its bearing: some hundredths of 230 µm in the seconds that the program takes.
+    let warming = of("temperature_rise = 20.0\nfixed_at = -1000.0\nwarming_time = 100.0");
+    let given = off(&warming).unwrap();
+    assert!((0.003..0.06).contains(&given), "{given}");
+    let seen = of("temperature_rise = 20.0\nscale_step = 0.1");
+    assert!(off(&seen).is_none());
     // From the middle between the flanks to one of them, and what twists.
     let play = of("transmission = \"rack\"\nplay = 0.1\nfriction = 30.0");
     let given = off(&play).unwrap();
@@ -393,4 +408,183 @@ fn the_contour_error_is_that_of_the_load() {
     assert!(contour(&play) > 0.03, "{}", contour(&play));
     let seen = of("transmission = \"rack\"\nplay = 0.1\nfriction = 30.0\nscale_step = 0.1");
     assert!(off(&seen).is_none());
+}
+
+/// A force of 2000 N/mm² on 1 mm at 0.1 mm a turn, 200 N, twists a screw of 20 N/µm by 10 µm, bends the structure by its static
+/// compliance, and a quarter of it acts across.
+#[test]
+fn a_tool_that_cuts_pushes_at_the_loads() {
+    let limits = "soft_limits = [-250.0, 250.0]\nfollowing_error_limit = 1.0\n";
+    let axis = format!(
+        "{limits}[axis.simulation]\nmotor = \"generic-3\"\nload = 40.0\ntransmission = \"screw\"\nstiffness = 20.0\n\
+         structure = [[200.0, 0.3, 10.0]]\n"
+    );
+    let of = |cutting: &str, program: &str| validated(cutting, &[(limits, &axis)], program);
+    let steel = "[[simulation.cutting]]\ntool = 7\nspecific_force = 1.0\nwidth = 1.0\n\
+                 [[simulation.cutting]]\nspecific_force = 2000.0\nwidth = 1.0\nacross = 0.25\n";
+    let program = "G21 G90 G61 M3 S6000\nG1 X60 F600\nM2\n";
+    let force = |json: &Value| number(json, "/cutting/max_force_n");
+    let off = |json: &Value| number(json, "/transmissions/0/max_off_mm");
+    let cut = of(steel, program);
+    assert_eq!(cut["verdict"], "pass", "{cut:#}");
+    assert!(
+        (force(&cut) - 200.0 * 1.0625_f64.sqrt()).abs() < 0.1,
+        "{}",
+        force(&cut)
+    );
+    assert!((off(&cut) - 0.010).abs() < 1e-3, "{}", off(&cut));
+    let stiffness = 10.0 * (std::f64::consts::TAU * 200.0).powi(2);
+    let sway = number(&cut, "/structures/0/max_sway_mm");
+    // The force comes in steps of a cycle, which the structure overshoots a little.
+    assert!((1.0..1.2).contains(&(sway / (200e3 / stiffness))), "{sway}");
+    let least = |json: &Value| number(json, "/drives/0/rms_torque");
+    let free = of("", program);
+    assert!(free["cutting"].is_null() && off(&free) < 0.003, "{free:#}");
+    assert!(least(&cut) > least(&free) + 0.2);
+    // Neither in a rapid nor without a spindle.
+    for other in [
+        "G21 G90 G61 M3 S6000\nG0 X60\nM2\n",
+        "G21 G90 G61\nG1 X60 F600\nM2\n",
+    ] {
+        let idle = of(steel, other);
+        assert_eq!(force(&idle), 0.0);
+        assert_eq!(idle["frames_sha256"], of("", other)["frames_sha256"]);
+    }
+}
+
+/// A motor that holds a weight is heated by the square of its torque as its time constant has it; one that lets the weight
+/// down charges its DC bus, and its braking resistor takes the rest of what the weight gives.
+#[test]
+fn what_a_power_stage_is_loaded_with_is_told() {
+    let limits = "soft_limits = [-250.0, 250.0]\nfollowing_error_limit = 1.0\n";
+    let of = |program: &str| {
+        let axis = format!(
+            "{limits}[axis.simulation]\nmotor = \"generic-3\"\nload = 40.0\ngravity = 600.0\n\
+             motor_friction = 0.0\nmotor_viscous_friction = 0.0\n"
+        );
+        validated("", &[(limits, &axis)], program)
+    };
+    let supply = |json: &Value, key: &str| number(json, &format!("/drives/0/supply/{key}"));
+    let held = of("G4 P10\nG1 X0.01 F600\nM2\n");
+    let torque = 600.0 * 0.02 / 1.5 / std::f64::consts::TAU;
+    // 10 s and what switching on takes: below 5 s.
+    let expected = |after: f64, load: f64, time: f64| load * load * (1.0 - (-after / time).exp());
+    for (key, load, time) in [
+        ("max_motor_i2t", torque / 3.0, 35.0),
+        ("max_drive_i2t", torque / 4.5, 4.0),
+    ] {
+        let [least, most] = [10.0, 15.0].map(|after| expected(after, load, time));
+        let found = supply(&held, key);
+        assert!(
+            (0.99 * least..1.02 * most).contains(&found),
+            "{key} {found} {least} {most}"
+        );
+    }
+    // Cogging alone sends a little back.
+    assert!((560.0..560.1).contains(&supply(&held, "max_bus_voltage")));
+    assert_eq!(supply(&held, "braked_j"), 0.0);
+    // 400 mm of 600 N: 240 J, of which the winding takes some; the bus holds 57.5 J from 560 to 780 V.
+    let lowered = of("G0 X-200\nG0 X200\nG4 P0.1\nG1 X199.99 F600\nM2\n");
+    let (stored, braked) = (
+        supply(&lowered, "max_bus_energy_j"),
+        supply(&lowered, "braked_j"),
+    );
+    let to_braking = 0.5 * 390e-6 * (780.0_f64.powi(2) - 560.0_f64.powi(2));
+    assert!(
+        (0.98 * to_braking..1.02 * to_braking).contains(&stored),
+        "{stored} {to_braking}"
+    );
+    assert!(
+        (0.8 * 240.0..240.0).contains(&(stored + braked)),
+        "{stored} {braked}"
+    );
+    assert!(supply(&lowered, "max_bus_voltage") < 800.0);
+    let power = supply(&lowered, "braking_power_w");
+    assert!(power > 0.0 && power < braked);
+}
+
+/// A force along the path from a file, 200 N against X from 20 to 40 mm: the screw of 20 N/µm twists by 10 µm there and nowhere else. A
+/// file of zeros changes nothing, and what the file says is found again by where the path is.
+#[test]
+fn forces_come_along_the_path() {
+    let limits = "soft_limits = [-250.0, 250.0]\nfollowing_error_limit = 1.0\n";
+    let axis = format!(
+        "{limits}[axis.simulation]\nmotor = \"generic-3\"\nload = 40.0\ntransmission = \"screw\"\nstiffness = 20.0\n"
+    );
+    let validate = |forces: &str, program: &str| -> Value {
+        let folder = Folder::new();
+        let _ = folder.file("forces.csv", forces);
+        let more = if forces.is_empty() {
+            ""
+        } else {
+            "[simulation]\nforces = \"forces.csv\"\n"
+        };
+        validated_in(&folder, more, &[(limits, &axis)], program)
+    };
+    let program = "G21 G90 G61\nG0 X10\nG1 X60 F600\nM2\n";
+    let free = validate("", program);
+    assert!(free["cutting"].is_null(), "{free:#}");
+    let zeros = validate("path_mm,x_n,y_n,z_n\n0,0,0,0\n60,0,0,0\n", program);
+    assert_eq!(zeros["frames_sha256"], free["frames_sha256"]);
+    assert_eq!(number(&zeros, "/cutting/max_force_n"), 0.0);
+    let steps = "path_mm,x_n,y_n,z_n\n20,0,0,0\n20.001,-200,0,0\n40,-200,0,0\n40.001,0,0,0\n";
+    let cut = validate(steps, program);
+    assert_eq!(cut["verdict"], "pass", "{cut:#}");
+    assert!(
+        (number(&cut, "/cutting/max_force_n") - 200.0).abs() < 1e-6,
+        "{cut:#}"
+    );
+    let off = number(&cut, "/transmissions/0/max_off_mm");
+    let without = number(&free, "/transmissions/0/max_off_mm");
+    assert!((off - without - 0.010).abs() < 1e-3, "{off} {without}");
+    assert_eq!(cut["cutting"]["max_force_at"]["line"], 3);
+    // A ramp whose end the path does not come to, in Y as well: the greatest force is where the path ends.
+    let ramp = validate("path_mm,x_n,y_n,z_n\n0,0,0,0\n120,-400,300,0\n", program);
+    let most = number(&ramp, "/cutting/max_force_n");
+    assert!((most - 250.0).abs() < 0.5, "{most}");
+    // Behind its last line there is none.
+    let short = validate("path_mm,x_n,y_n,z_n\n0,-50,0,0\n5,-50,0,0\n", program);
+    assert_eq!(short["cutting"]["max_force_at"]["line"], 2, "{short:#}");
+    let file = &short["provenance"]["descriptions"][0]["file"];
+    assert!(
+        file.as_str().is_some_and(|it| it.ends_with("forces.csv")),
+        "{short:#}"
+    );
+}
+
+/// X alone brakes: its own DC bus stores the energy by itself, that which it shares with Y by halves, so that the square of the voltage rises half
+/// as far, which Y tells as well; nothing else changes.
+#[test]
+fn drives_share_a_dc_bus() {
+    let [x, y] = ["[-250.0, 250.0]", "[-200.0, 200.0]"]
+        .map(|soft| format!("soft_limits = {soft}\nfollowing_error_limit = 1.0\n"));
+    let simulated =
+        |limits: &str| format!("{limits}[axis.simulation]\nmotor = \"generic-3\"\nload = 60.0\n");
+    let (of_x, of_y) = (simulated(&x), simulated(&y));
+    let replaced = [(&*x, &*of_x), (&*y, &*of_y)];
+    let program = "G21 G90 G61\nG0 X200\nG4 P0.1\nG0 X0\nM2\n";
+    let shared = "[[simulation.dc_bus]]\ndrives = [\"left-right\", \"front-back\"]\n";
+    let [own, shared] = ["", shared].map(|more| validated(more, &replaced, program));
+    assert_eq!(shared["verdict"], "pass", "{shared:#}");
+    assert_eq!(own["frames_sha256"], shared["frames_sha256"]);
+    let voltage = |json: &Value, drive: usize| {
+        number(json, &format!("/drives/{drive}/supply/max_bus_voltage"))
+    };
+    let beyond = |json: &Value, drive: usize| voltage(json, drive).powi(2) - 560.0_f64.powi(2);
+    assert!((voltage(&own, 1) - 560.0).abs() < 0.01, "{own:#}");
+    assert!(
+        voltage(&own, 0) > 580.0 && voltage(&own, 0) < 780.0,
+        "{own:#}"
+    );
+    assert!(
+        (voltage(&shared, 0) - voltage(&shared, 1)).abs() < 1.0,
+        "{shared:#}"
+    );
+    let half = beyond(&shared, 0) / beyond(&own, 0);
+    assert!((half - 0.5).abs() < 0.02, "{half}");
+    let energy = |json: &Value, drive: usize| {
+        number(json, &format!("/drives/{drive}/supply/max_bus_energy_j"))
+    };
+    let both = energy(&shared, 0) + energy(&shared, 1);
+    assert!((both / energy(&own, 0) - 1.0).abs() < 0.03, "{both}");
 }

@@ -12,7 +12,7 @@ use syncline_drives::twin::Disturbance;
 use syncline_tests::command::{Folder, machine_file};
 use syncline_tests::rig::Rig;
 
-use super::described::sheet;
+use super::described::{leave_mapping_out, sheet};
 use super::driven_spindle::{
     self, CUT, FROM_NEAR, LOSSES, SPINDLE, TURNED_ROUND, TWO_SPEEDS, assert_cuts_at_speed,
     assert_let_go_at_rest, assert_lost, assert_resumes_behind_a_fault,
@@ -219,6 +219,8 @@ struct Description {
     /// Which PDOs it is sent and sends.
     numbers: [u8; 2],
     fixed_mapping: bool,
+    /// What is mapped stands in the data sheet.
+    tells_mapping: bool,
     vendor_id: u32,
 }
 
@@ -228,13 +230,19 @@ impl Description {
         let fine = (1..=10u32, 1..=20u32).prop_map(|(finer, rpm)| [finer * rpm, rpm]);
         let unit = prop_oneof![fine, (2..=30u32).prop_map(|rpm| [1, rpm])];
         let pdos = (1..=4u8, 1..=4u8, 1..=4u8);
-        (unit, any::<[bool; 2]>(), pdos, any::<u32>()).prop_map(
-            |(unit, [has_dimension_factor, fixed_mapping], (r_pdo, t_pdo, pdos), vendor_id)| Self {
+        (unit, any::<[bool; 3]>(), pdos, any::<u32>()).prop_map(
+            |(
+                unit,
+                [has_dimension_factor, fixed_mapping, tells_mapping],
+                (r_pdo, t_pdo, pdos),
+                vendor_id,
+            )| Self {
                 unit,
                 has_dimension_factor,
                 pdos,
                 numbers: [r_pdo, t_pdo],
                 fixed_mapping,
+                tells_mapping,
                 vendor_id,
             },
         )
@@ -244,6 +252,9 @@ impl Description {
     fn write(&self, folder: &Folder) -> String {
         let fixed = self.fixed_mapping.then_some([0x6042_0010, 0x6044_0010]);
         let mut eds = sheet(2, self.pdos, self.numbers, fixed);
+        if self.fixed_mapping && !self.tells_mapping {
+            leave_mapping_out(&mut eds, self.numbers);
+        }
         // It is no servo drive, and tells no position.
         eds.objects.retain(|index, _| {
             !matches!(index, 0x6064..=0x606C | 0x607A..=0x607F | 0x6083..=0x60FF)
@@ -294,6 +305,7 @@ fn another_makers_drive_is_refused() {
         pdos: 1,
         numbers: [1, 1],
         fixed_mapping: true,
+        tells_mapping: true,
         vendor_id: 0x1234,
     };
     let model = described.write(&folder);

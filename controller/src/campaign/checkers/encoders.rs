@@ -66,6 +66,20 @@ fn allowed(scene: &Scene<'_>, encoder: usize) -> (f64, f64) {
     (limit.unwrap_or(f64::INFINITY), margin)
 }
 
+/// Whether a drive learns its place from the encoder of its axis as it comes up, and as it is enabled.
+fn teaches(scene: &Scene<'_>, axis: usize) -> bool {
+    let machine = scene.machine;
+    let axis = &machine.axes[axis];
+    let counts_anew = |drive: &usize| {
+        let device = machine.device(*drive);
+        device
+            .feedback()
+            .is_some_and(|it| !it.counts_without_power())
+    };
+    let is_told = axis.homing.tells_place() && axis.drives.iter().any(counts_anew);
+    axis.feedback.is_some_and(|it| it.closes_loop || is_told)
+}
+
 impl Checker for Encoders {
     fn sync(&mut self, scene: &Scene<'_>, bus: usize, found: &mut Found) {
         let drives = scene.machine.drives.len();
@@ -134,8 +148,7 @@ impl Checker for Encoders {
             let cycles = scene.misses(drives + encoder) + IN_TIME;
             let mut in_time = f64::from(cycles) * scene.period();
             let mut is_compared = true;
-            let feedback = scene.machine.axes[axis].feedback;
-            if feedback.is_some_and(|it| it.closes_loop) && scene.phase <= Phase::Lock {
+            if teaches(scene, axis) && scene.phase <= Phase::Disabled {
                 // Then the drive learns its place from the encoder.
                 watched.slipped = 0.0;
             }

@@ -13,6 +13,7 @@
 //! - `answers`: every command is accepted or refused in time
 //! - `velocities`: drives that are sent velocities turn where they are told to, and no faster than there is reason for
 //! - `outputs`: switched in the program's order and at their place, safe after every stop
+//! - `faulted`: what a fault has stopped is without power, and its outputs are safe at their terminals
 //! - `encoders`: those beside an axis are listened to
 //! - `bus`: SYNC on time, all setpoints or none, no bus fuller than full
 //! - `ending`: virtual time goes on, the machine goes off, and the observers agree
@@ -24,6 +25,7 @@ mod answers;
 mod bus;
 mod encoders;
 mod ending;
+mod faulted;
 mod motion;
 mod outputs;
 mod reactions;
@@ -137,6 +139,7 @@ pub struct Checkers<'a> {
     reactions: reactions::Reactions,
     answers: answers::Answers,
     outputs: outputs::Outputs,
+    faulted: faulted::Faulted,
     bus: bus::Bus,
     encoders: encoders::Encoders,
     velocities: velocities::Velocities,
@@ -159,6 +162,7 @@ impl<'a> Checkers<'a> {
             reactions: reactions::Reactions::new(machine),
             answers: answers::Answers::default(),
             outputs: outputs::Outputs::new(&scene),
+            faulted: faulted::Faulted::default(),
             bus: bus::Bus::new(machine),
             encoders: encoders::Encoders::new(&scene),
             velocities: velocities::Velocities::new(machine),
@@ -224,13 +228,14 @@ impl<'a> Checkers<'a> {
             reactions,
             answers,
             outputs,
+            faulted,
             bus,
             encoders,
             velocities,
             ending,
             found,
         } = self;
-        let all: [&mut dyn Checker; 12] = [
+        let all: [&mut dyn Checker; 13] = [
             setpoints,
             motion,
             stops,
@@ -239,6 +244,7 @@ impl<'a> Checkers<'a> {
             reactions,
             answers,
             outputs,
+            faulted,
             bus,
             encoders,
             velocities,

@@ -40,6 +40,8 @@ pub struct Scene<'a> {
     pub drives: Vec<DriveScene>,
     /// By drive: what is true of it.
     pub plants: Vec<Observation>,
+    /// By device: the levels of its digital outputs, one bit each.
+    pub outputs: Vec<u16>,
     /// By bus: the cycle of the last SYNC, counted from the first one by their times; `None` for one that was
     /// too far off to belong to any.
     pub syncs: Vec<Option<u64>>,
@@ -184,6 +186,7 @@ impl<'a> Scene<'a> {
                 .map(|_| DriveScene::default())
                 .collect(),
             plants: Vec::new(),
+            outputs: Vec::new(),
             syncs: vec![None; machine.buses.len()],
             referenced: machine
                 .axes
@@ -410,6 +413,7 @@ impl<'a> Scene<'a> {
         self.cycle = woken.cycle;
         self.phase = woken.phase;
         self.plants.clone_from(&woken.plants);
+        self.outputs.clone_from(&woken.outputs);
         self.shown.clone_from(&woken.shown);
     }
 }

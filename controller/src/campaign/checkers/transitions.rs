@@ -1,5 +1,6 @@
 //! What may follow what: states of the session, controlwords, NMT commands.
 
+use super::super::interference::{Interference, ToBus};
 use super::{Checker, Found, Scene};
 use crate::control::State;
 use crate::machine::Motion;
@@ -58,7 +59,11 @@ impl Transitions {
         };
         let name = &scene.machine.drives[drive].name;
         let leaps = now > before && before < 3 && now > if before == 1 { 3 } else { before + 1 };
-        if leaps {
+        // A drive that another master has reset begins anew before the controller can know.
+        let begun_anew = scene.interferences.iter().any(|(at, what)| {
+            matches!(what, Interference::Bus(_, ToBus::Nmt(..))) && scene.since(*at) < 1.0
+        });
+        if leaps && !begun_anew {
             found.violate(NAME, scene, "a controlword leaps", || {
                 format!("drive {name}: from level {before} to {now}")
             });

@@ -276,6 +276,40 @@ impl AxisSpec {
         self.simulation = Some(format!("{before}start = {start}"));
     }
 
+    /// Has the index behind the switch that it is homed by tell its place, where neither that nor the one before it is near
+    /// to the edge.
+    pub(super) fn take_index(&mut self) {
+        const TURN: f64 = 131_072.0;
+        let drive = &self.drives[0];
+        let homing = self.homing.as_mut();
+        let Some(homing) = homing.filter(|it| it.starts_with("kind = \"switch\"")) else {
+            return;
+        };
+        let edge = homing
+            .lines()
+            .find_map(|it| it.strip_prefix("position = ")?.parse::<f64>().ok());
+        let Some(edge) = edge.filter(|_| drive.model == "lxm32m") else {
+            return;
+        };
+        let sign = if drive.negative { -1.0 } else { 1.0 };
+        let zero = f64::from(drive.zero) / TURN;
+        let revolutions = zero + sign * edge / self.travel;
+        let grows = homing.contains("direction = \"positive\"") != drive.negative;
+        let index = if grows {
+            revolutions.ceil()
+        } else {
+            revolutions.floor()
+        };
+        if (0.15..0.85).contains(&(index - revolutions).abs()) {
+            let place = sign * (index - zero) * self.travel;
+            let [by_edge, by_index] = [
+                format!("\nposition = {edge}\n"),
+                format!("\nposition = {place}\nindex = true\n"),
+            ];
+            *homing = homing.replace(&by_edge, &by_index);
+        }
+    }
+
     /// Following error that is a fault, mm.
     #[must_use]
     pub fn following_error(&self) -> f64 {

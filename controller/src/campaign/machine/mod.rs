@@ -165,6 +165,7 @@ impl MachineSpec {
         machine.describe(&mut Dice::new(seed, 15));
         machine.measure(&mut Dice::new(seed, 17));
         machine.turn(&mut Dice::new(seed, 19));
+        machine.take_indices(&mut Dice::new(seed, 23));
         machine
     }
 
@@ -396,6 +397,15 @@ impl MachineSpec {
         }
         if homed.fits() {
             *self = homed;
+        }
+    }
+
+    /// Has some of those that are homed by a switch take the index behind it.
+    fn take_indices(&mut self, dice: &mut Dice) {
+        for axis in &mut self.axes {
+            if dice.chance(0.4) {
+                axis.take_index();
+            }
         }
     }
 
@@ -672,19 +682,10 @@ mod tests {
     #[test]
     fn whatever_is_wired_is_good() {
         let (mut wires, mut homed, mut switches, mut encoders, mut shapers) = (0, 0, 0, 0, 0);
-        let (mut spindles, mut measured) = (0, 0);
+        let (mut spindles, mut measured, mut indices) = (0, 0, 0);
         let (mut velocities, mut goers, mut steppers, mut loops, mut described) = (0, 0, 0, 0, 0);
         for seed in 0..300 {
-            let mut spec = MachineSpec::draw(&mut Dice::new(seed, 0));
-            spec.wire(&mut Dice::new(seed, 5));
-            spec.equip(&mut Dice::new(seed, 9));
-            spec.home(&mut Dice::new(seed, 10));
-            spec.watch(&mut Dice::new(seed, 11));
-            spec.shape(&mut Dice::new(seed, 13));
-            spec.stream(&mut Dice::new(seed, 14));
-            spec.describe(&mut Dice::new(seed, 15));
-            spec.measure(&mut Dice::new(seed, 17));
-            spec.turn(&mut Dice::new(seed, 19));
+            let spec = MachineSpec::of(seed);
             let streamed = spec.axes.iter().filter(|it| !it.goes);
             let streamed = streamed.filter(|it| {
                 let model = it.drives[0].model();
@@ -703,6 +704,11 @@ mod tests {
             wires += spec.wires().count();
             homed += spec.axes.iter().filter(|it| it.homing.is_some()).count();
             switches += spec.wires().filter(|(_, wire)| wire.is_home()).count();
+            let by_index = |it: &&AxisSpec| {
+                let homing = it.homing.as_ref();
+                homing.is_some_and(|it| it.contains("index = true"))
+            };
+            indices += spec.axes.iter().filter(by_index).count();
             spec.machine()
                 .unwrap_or_else(|wrong| panic!("{seed}: {wrong}"));
         }
@@ -710,7 +716,10 @@ mod tests {
             wires > 300 && homed > 100 && switches > 50 && encoders > 50 && shapers > 20,
             "{wires} {homed} {switches} {encoders} {shapers}"
         );
-        assert!(spindles > 20 && measured > 20, "{spindles} {measured}");
+        assert!(
+            spindles > 20 && measured > 20 && indices > 10,
+            "{spindles} {measured} {indices}"
+        );
         assert!(
             velocities > 50 && goers > 20 && steppers > 10 && loops > 20 && described > 100,
             "{velocities} {goers} {steppers} {loops} {described}"

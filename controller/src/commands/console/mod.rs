@@ -95,9 +95,10 @@ impl Args {
         } = self.real_time.open(&machine, logs)?;
         let timing = self.real_time.timing(&machine);
         let (started, granted) = mpsc::channel();
-        let timeline = RealTime::stay_on(&layout, world, ports, timing, move |granted| {
-            let _ = started.send(granted.to_string());
-        })?;
+        let timeline =
+            RealTime::stay_on(&machine, &layout, world, ports, timing, move |granted| {
+                let _ = started.send(granted.to_string());
+            })?;
         // Before a screen is drawn, over which it would be written.
         if let Ok(granted) = granted.recv() {
             eprintln!("{granted}");

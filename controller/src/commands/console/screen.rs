@@ -53,8 +53,8 @@ enum Screen {
     Releases(bool),
     /// What is typed behind `:`; `None` once it is done.
     Prompt(Option<String>),
-    /// The keys are shown, or no longer.
-    Help,
+    /// Whether the keys are shown.
+    Help(bool),
     /// For the operator alone.
     Tell(String),
 }
@@ -75,6 +75,7 @@ pub(super) fn listen(
         prompt: None,
         held: Vec::new(),
         entered: None,
+        help: false,
     };
     let model = Model::new(machine, verbose);
     let (events, view) = (session.subscribe(), session.view());
@@ -114,7 +115,7 @@ fn draw_all(
             match change {
                 Screen::Prompt(text) => model.prompt = text,
                 Screen::Releases(releases) => model.releases = releases,
-                Screen::Help => model.help = !model.help,
+                Screen::Help(shown) => model.help = shown,
                 Screen::Tell(text) => model.tell(text),
             }
         }
@@ -149,6 +150,8 @@ struct Keyboard {
     held: Vec<KeyCode>,
     /// When Enter was pressed last, or repeated itself.
     entered: Option<Instant>,
+    /// The keys are shown, which hides where the axes are.
+    help: bool,
 }
 
 impl Keyboard {
@@ -181,6 +184,12 @@ impl Keyboard {
 
     /// A key is pressed, repeats itself or is released.
     fn take(&mut self, key: KeyEvent) -> Result<(), NotTaken> {
+        if self.help && key.kind != KeyEventKind::Release {
+            self.list_keys(false);
+            if !self.stops(key) {
+                return Ok(());
+            }
+        }
         let step = command(key.code).filter(|_| self.prompt.is_none());
         match (step, key.kind) {
             (Some(Command::Jog(Jog::Step { axis, direction })), KeyEventKind::Repeat) => {
@@ -224,7 +233,7 @@ impl Keyboard {
         }
         match key.code {
             KeyCode::Char(':') => self.type_on(String::new()),
-            KeyCode::Char('?') => self.show(Screen::Help),
+            KeyCode::Char('?') => self.list_keys(true),
             code => {
                 let wanted = |it: &Command| keys::is_wanted(it, &self.view.get());
                 let command = command(code).filter(wanted);
@@ -232,6 +241,23 @@ impl Keyboard {
             }
         }
         Ok(())
+    }
+
+    /// Shows the keys, or shows them no longer.
+    fn list_keys(&mut self, shown: bool) {
+        self.help = shown;
+        self.show(Screen::Help(shown));
+    }
+
+    /// Whether a key stops what moves, which it does also behind the list of the keys.
+    fn stops(&self, key: KeyEvent) -> bool {
+        let holds = || self.view.get().state != State::Held;
+        key.modifiers.contains(KeyModifiers::CONTROL)
+            || match command(key.code) {
+                Some(Command::Stop) => true,
+                Some(Command::ToggleFeedHold) => holds(),
+                _ => false,
+            }
     }
 
     /// Whether an Enter may be the repetition of another one.

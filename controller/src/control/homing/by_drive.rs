@@ -10,19 +10,13 @@
 
 use super::super::node::DeviceNode;
 use super::super::{COMMAND_CYCLES, Controller, Event};
-use super::{AxisIndex, Edge, HomingFailure, LostReference};
+use super::{AxisIndex, Edge, HomingFailure, LostReference, is_near};
 use crate::machine::{DriveHoming, HomingMethod};
 use syncline_drives::model::{Increments, PowerCommand};
 
 /// Samples beyond its distance after which a drive has gone too far: a position that jumps as the drive
 /// finds its place is told once before its statusword says so.
 const BEYOND: u32 = 3;
-
-/// By less than this part of a turn beside the edge of its switch an index pulse is refused: the next homing may take the
-/// one before it or behind it.
-const INDEX_LEAST: f64 = 0.02;
-/// By less than this part it is told.
-const INDEX_SAFE: f64 = 0.1;
 
 /// Where a drive that is home began to count.
 pub(super) const ZERO: Edge = Edge {
@@ -154,14 +148,10 @@ impl<const N: usize> Controller<N> {
                 let index = node.index_distance(how);
                 node.power = PowerCommand::Run;
                 by_drive.enter(Step::Starting);
-                match index {
-                    Some((_, part)) if part < INDEX_LEAST => {
-                        return Err(HomingFailure::IndexTooNear);
-                    }
-                    Some((distance, part)) if part < INDEX_SAFE => {
-                        self.tell(Event::IndexNear { axis: at, distance });
-                    }
-                    _ => {}
+                if let Some((distance, part)) = index
+                    && is_near(part)?
+                {
+                    self.tell(Event::IndexNear { axis: at, distance });
                 }
             }
             Step::Starting if seen && node.status().mode_runs => return Ok(true),

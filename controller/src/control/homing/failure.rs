@@ -56,8 +56,11 @@ pub enum HomingFailure {
     NotHome,
     /// The drive, which homes by itself, went further than it may.
     TooFar,
-    /// The drive, which homes by itself, took an index pulse too near to the edge of its switch.
-    IndexTooNear,
+    /// The index that counts, of the drive's choice or of the controller's, is too near to the edge of the switch.
+    IndexTooNear {
+        /// By so many thousandths of a turn.
+        thousandths: u16,
+    },
     /// No hard stop stopped the axis within the distance.
     NoStop,
     /// Something stopped the axis nearer to where it began than a hard stop can be.
@@ -198,9 +201,11 @@ impl HomingFailure {
                 "its drive went more than {far} {unit} from where it began: check the switches wired to the drive, \
                  `method` and `max_distance`"
             ),
-            Self::IndexTooNear => "the index pulse that its drive took is less than 2 % of a turn from the edge of its \
-                 switch, and the next one may be another: move the switch by a quarter of a turn"
-                .into(),
+            Self::IndexTooNear { thousandths } => format!(
+                "the index pulse that counts is {:.1} % of a turn from the edge of its switch, less than 2 % or than what the \
+                 edge may be off, and the next one may be another: move the switch by a quarter of a turn",
+                f64::from(thousandths) / 10.0
+            ),
             Self::NoStop
             | Self::TooEarly
             | Self::GaveWay

@@ -10,6 +10,10 @@
 //! executor's jogs, so that a homing has the limits of the axes, the supervision of every cycle and, inside the
 //! distance that the machine file allows, a stop from wherever it is.
 //!
+//! Behind the edge of a switch the index of the motor's encoder may count: the next place where the drive, which knows its
+//! place within a turn from power-on, counts a whole number of turns. It is always the same one, however well the edge is
+//! known, unless the edge lies beside an index.
+//!
 //! The sides of a gantry are planned as far apart as they stand then. The difference is taken out by a
 //! jerk-limited motion of both about the middle, while the axis itself rests, and skew is what is left
 //! beside that plan. A gantry with absolute encoders, too, is taken square by a homing, without a search.
@@ -35,6 +39,7 @@ use hard_stop::HardStop;
 use std::mem::replace;
 use std::sync::Arc;
 use switch::{Motion, Progress, Search, Seen};
+use syncline_drives::model::Direction;
 use syncline_gcode::AxisLetter;
 use syncline_trajectory::limits::{Limits, PositionLimits};
 use syncline_trajectory::path::{Jog, Travel};
@@ -47,6 +52,29 @@ const REACHED: f64 = 1e-6;
 
 /// A side of a gantry that lags so many times as far as the other one is jammed.
 const JAMMED: f64 = 2.0;
+
+/// By less than this part of a turn beside the edge of its switch an index pulse is refused: the next homing may take the
+/// one before it or behind it.
+const INDEX_LEAST: f64 = 0.02;
+/// By less than this part it is told.
+const INDEX_SAFE: f64 = 0.1;
+
+/// Whether an index pulse is so near to the edge of its switch, by parts of a turn, that it is told.
+///
+/// # Errors
+/// It is too near to count.
+fn is_near(part: f64) -> Result<bool, HomingFailure> {
+    match part < INDEX_LEAST {
+        true => Err(too_near(part)),
+        false => Ok(part < INDEX_SAFE),
+    }
+}
+
+fn too_near(part: f64) -> HomingFailure {
+    HomingFailure::IndexTooNear {
+        thousandths: (1000.0 * part) as u16,
+    }
+}
 
 /// Where a homing is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -486,12 +514,37 @@ impl<const N: usize> Controller<N> {
                         self.nodes[drive].ask_captured(capture);
                     }
                 }
-                Progress::Found => self.homing.found |= 1 << index,
+                Progress::Found => {
+                    if how.by_index {
+                        self.take_index(index).map_err(failed)?;
+                    }
+                    self.homing.found |= 1 << index;
+                }
                 Progress::Moves(motion) => self.move_axis(index, motion).map_err(failed)?,
             }
         }
         if self.homing.found == self.homing.group {
             self.homing.stage = Stage::Found;
+        }
+        Ok(())
+    }
+
+    /// The index behind the edge that an axis has found counts from now on.
+    fn take_index(&mut self, index: AxisIndex) -> Result<(), HomingFailure> {
+        let axis = &self.layout.axes[index];
+        let scaling = &self.layout.devices[axis.drives[0]].scaling;
+        let HomingMethod::Switch(how) = &axis.homing.method else {
+            return Ok(());
+        };
+        let up = scaling.direction() == Direction::Positive;
+        let towards = if up { how.direction } else { -how.direction };
+        let near = self.homing.searches[index].take_index(scaling.revolution(), towards)?;
+        if let Some(near) = near {
+            let distance = near.get() as f64 * scaling.resolution();
+            self.tell(Event::IndexNear {
+                axis: index,
+                distance,
+            });
         }
         Ok(())
     }

@@ -27,7 +27,7 @@
 //! Each step has a motion that ends by itself: inside [`SwitchSearch::max_distance`] of where the homing
 //! began, or at a position. A step that finds its motion over, and not what it waits for, fails.
 
-use super::HomingFailure;
+use super::{HomingFailure, is_near, too_near};
 use crate::machine::SwitchSearch;
 use syncline_drives::model::Increments;
 
@@ -154,6 +154,38 @@ impl Search {
     /// By side, where its switch came on.
     pub(super) fn edges(&self) -> [Option<Edge>; 2] {
         self.edges
+    }
+
+    /// From now on the index behind the edge of a single side counts, where its drive counts a whole number of turns of so
+    /// many increments, upwards or downwards as the sign of `towards` has it; how near to the edge it, or the one before it,
+    /// is if that is to be told.
+    ///
+    /// # Errors
+    /// It is too near, also where the edge may be off by that much.
+    pub(super) fn take_index(
+        &mut self,
+        turn: Increments,
+        towards: f64,
+    ) -> Result<Option<Increments>, HomingFailure> {
+        let Some(edge) = &mut self.edges[0] else {
+            return Ok(None);
+        };
+        let (at, turn) = (edge.at.get(), turn.get());
+        let index = match towards > 0.0 {
+            true => at + (-at).rem_euclid(turn),
+            false => at - at.rem_euclid(turn),
+        };
+        let behind = (index - at).abs();
+        let near = behind.min(turn - behind);
+        let part = near as f64 / turn as f64;
+        if near <= edge.uncertainty.get() {
+            return Err(too_near(part));
+        }
+        *edge = Edge {
+            at: Increments::new(index),
+            uncertainty: Increments::new(1),
+        };
+        Ok(is_near(part)?.then_some(Increments::new(near)))
     }
 
     /// Goes on by a cycle.
@@ -298,6 +330,7 @@ mod tests {
             inputs: vec![0],
             captures: REFERENCE.capture(0, true).into_iter().collect(),
             is_shared: false,
+            by_index: false,
             direction: 1.0,
             speed: 20.0,
             slow_speed: 2.0,

@@ -135,6 +135,7 @@ impl DeviceNode {
     /// Tells once more what its outputs are: it is let go of.
     pub(super) fn tell_finally(&mut self) {
         self.by_sdo.outputs.clear();
+        self.take_outputs();
         self.tell_outputs();
     }
 

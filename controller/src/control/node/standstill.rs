@@ -27,8 +27,13 @@ impl DeviceNode {
         if !self.has_answered() {
             return;
         }
+        let cycles = match self.is_polled() && !self.answers_sync() {
+            true => self.polls.pass_cycle(),
+            false => Some(1),
+        };
+        let Some(cycles) = cycles else { return };
         if !turns && (self.actual - self.still_at).get().abs() <= window.get() {
-            self.still = self.still.saturating_add(1);
+            self.still = self.still.saturating_add(cycles);
         } else {
             self.still_at = self.actual;
             self.still = 0;

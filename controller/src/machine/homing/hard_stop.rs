@@ -36,7 +36,7 @@ pub struct HardStopSearch {
 }
 
 /// The key as the file has it.
-pub(super) struct HardStopTable {
+pub(in crate::machine) struct HardStopTable {
     pub(super) search: HardStopSearch,
     /// Where its kind stands.
     kind: Range<usize>,
@@ -145,10 +145,7 @@ impl HardStopTable {
                 "drive \"{who}\" ({}) has no object that limits its torque",
                 model.title
             );
-            return refuse(
-                problem,
-                "home it with `kind = \"switch\"` or `kind = \"set_here\"`",
-            );
+            return refuse(problem, super::otherwise(axis));
         }
         let (lag, allowed) = (
             self.search.lag(axis, cycle),

@@ -49,7 +49,8 @@ impl Log {
         if own.frame.id() != heartbeat {
             return Err(NoReplay::NoBeginning);
         }
-        let own = i128::from(self.start_of(own).as_nanos()) + 999;
+        // It may have been less late than every SYNC, by whose lateness the phase is off.
+        let own = i128::from(self.start_of(own).as_nanos()) + cycle / 4;
         let before = (phase - own).div_euclid(cycle) + i128::from((phase - own) % cycle != 0);
         Ok(Instant::from_nanos((phase - before * cycle) as u64))
     }
@@ -119,4 +120,55 @@ impl Log {
 
 pub(super) fn is_sync(logged: &Logged) -> bool {
     logged.frame.id() == CanId::from(CobId::SYNC)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::machine::Machine;
+    use proptest::prelude::*;
+    use std::path::Path;
+    use std::time::Duration;
+
+    /// How late a wake-up comes, in thousandths of the cycle: a little, as nearly all do.
+    const LATE: std::ops::Range<u32> = 0..240;
+
+    proptest! {
+        /// Each wake-up is some time late, another one each time; the first one is found where the least late SYNC
+        /// has it, also where it was less late than that.
+        #[test]
+        fn the_first_wake_up_is_found_however_late_any_is(
+            first in 10_000_u64..1_000_000,
+            before in 1_u32..50,
+            heartbeat in 0_u32..700,
+            syncs in prop::collection::vec(LATE, 1..20),
+        ) {
+            let portal = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/portal/machine.toml");
+            let layout = Arc::new(Layout::new(&Machine::load(&portal).unwrap()).unwrap());
+            let cycle = layout.cycle;
+            let first = Instant::from_nanos(1000 * first);
+            let bitrate = 1_000_000;
+            let sent = |frame: Frame, cycles: u32, late: u32| {
+                let length = bit_time(frame_bits(&frame) - 3, bitrate);
+                // Stamps are whole microseconds, rounded up.
+                let at = (first + cycles * cycle + late * cycle / 1000 + length).as_nanos();
+                Logged { at: Instant::from_nanos(at.next_multiple_of(1000)), bus: 0, frame }
+            };
+            let mut frames = vec![sent(
+                Frame::new(CobId::error_control(layout.node), &[0x05]),
+                0,
+                heartbeat,
+            )];
+            let numbered = (before..).zip(&syncs);
+            frames.extend(numbered.map(|(cycles, &late)| sent(Frame::new(CobId::SYNC, &[]), cycles, late)));
+            let buses = vec![ReplayBus { bitrate, echoes: true, simulated: false }];
+            let found = Log { layout, buses, frames }.first_wake().unwrap();
+            let least = syncs.iter().min().map_or(Duration::ZERO, |&late| late * cycle / 1000);
+            prop_assert_eq!(
+                found.as_nanos() / 1000,
+                (first + least).as_nanos() / 1000,
+                "where the least late SYNC has it"
+            );
+        }
+    }
 }

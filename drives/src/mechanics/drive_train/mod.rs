@@ -39,8 +39,10 @@
 //! with the step, up to its length `h` late, which leaves the speed wrong by up to `2 F h / J` until the
 //! next reversal. The same motion erred by 7·10⁻⁴, and by half of it with half the step.
 
+mod expansion;
 mod lead_error;
 
+pub use expansion::Expansion;
 pub use lead_error::LeadError;
 
 use super::friction::Friction;
@@ -80,6 +82,8 @@ pub struct DriveTrain {
     pub stops: Option<(f64, f64)>,
     /// How far the load is from where its transmission should have it.
     pub lead_error: LeadError,
+    /// By how much that grows with warmth.
+    pub expansion: Expansion,
 }
 
 /// A gear, screw, rack or belt that gives way.
@@ -137,6 +141,7 @@ impl Default for DriveTrain {
             },
             stops: None,
             lead_error: LeadError::default(),
+            expansion: Expansion::default(),
         }
     }
 }
@@ -168,6 +173,10 @@ pub struct FeedAxis {
     brake_open: bool,
     /// How long the brake has been commanded to be what it is not, s.
     brake_waits: f64,
+    /// On the load from outside in this step, N·m.
+    outside: f64,
+    /// Since it was switched on, s.
+    age: f64,
     /// For the length of step that was taken last: with spring and damper, and within the play.
     tied: Step,
     loose: Step,
@@ -243,6 +252,8 @@ impl FeedAxis {
             flank: Flank::Forward,
             brake_open: false,
             brake_waits: 0.0,
+            outside: 0.0,
+            age: 0.0,
             tied: Step::none(),
             loose: Step::none(),
             train,
@@ -279,11 +290,16 @@ impl FeedAxis {
         self.speeds.y
     }
 
-    /// Where the load is while the rotor is at `position`, both in revolutions, its lead error included.
+    /// Where the load is while the rotor is at `position`, both in revolutions, its lead error and expansion included.
     #[must_use]
     pub fn load_position(&self, position: f64) -> f64 {
         let nominal = position - self.twist / TAU;
-        nominal + self.train.lead_error.at(nominal)
+        let DriveTrain {
+            lead_error,
+            expansion,
+            ..
+        } = &self.train;
+        nominal + lead_error.at(nominal) + expansion.at(nominal, self.age)
     }
 
     /// Twist at which the flanks that touch do so without force.
@@ -452,7 +468,7 @@ impl FeedAxis {
     fn reach(&self, step: &Step, torque: f64, hold: f64, angle: f64, turning: Turning) -> Reached {
         let begin = self.speeds;
         let twist = self.twist - self.slack();
-        let torques = Vector2::new(torque, self.train.load_torque);
+        let torques = Vector2::new(torque, self.train.load_torque + self.outside);
         let sliding = step.from_speeds * begin + step.from_twist * twist + step.inverse * torques;
         let held = |speeds: Vector2<f64>| {
             let (least, greatest) = self.bounds(speeds, step.dt, hold, angle);
@@ -551,7 +567,7 @@ impl FeedAxis {
     ) -> (f64, f64) {
         let train = &self.train;
         let begin = self.speeds.x;
-        let torque = torque + train.load_torque;
+        let torque = torque + train.load_torque + self.outside;
         let added = step.inverse.m11;
         let free = step.from_speeds.m11 * begin + added * torque;
         let reach = |mean: f64| {
@@ -684,6 +700,8 @@ impl Mechanics for FeedAxis {
         let ([load], [shaft]) = (loads, motions) else {
             return;
         };
+        self.age += dt;
+        self.outside = load.outside;
         let brake = self.brake(dt, load.brake_open);
         let hold = if load.blocked { f64::INFINITY } else { brake };
         let angle = shaft.position * TAU;

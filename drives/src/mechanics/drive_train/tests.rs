@@ -53,6 +53,7 @@ impl Running {
     fn step(&mut self, dt: f64, torque: f64) {
         let load = Load {
             torque,
+            outside: 0.0,
             brake_open: self.brake_open,
             blocked: self.blocked,
         };
@@ -113,6 +114,7 @@ fn a_stiff_axis_agrees_with_the_rigid_one() {
         stiff.step(DT, torque);
         let load = Load {
             torque,
+            outside: 0.0,
             brake_open: true,
             blocked: false,
         };
@@ -463,4 +465,33 @@ proptest! {
         }
         prop_assert_eq!(running.axis.speeds, Vector2::zeros());
     }
+}
+
+/// What pushes at the load winds the spring, and the motor has to hold it.
+#[test]
+fn a_force_from_outside_winds_the_spring() {
+    let spring = Elasticity::damped(400.0, 0.1, [3e-4, 5e-4]);
+    let train = DriveTrain {
+        rotor_inertia: 3e-4,
+        load_inertia: 5e-4,
+        elasticity: Some(spring),
+        bearing: Friction::default(),
+        ..DriveTrain::default()
+    };
+    let mut axis = FeedAxis::new(train);
+    let mut shaft = [Motion::default()];
+    for _ in 0..16_000 {
+        let load = Load {
+            torque: 0.7,
+            outside: -0.7,
+            brake_open: true,
+            ..Load::default()
+        };
+        axis.step(DT, &[load], &mut shaft);
+    }
+    assert!(
+        (axis.twist() - 0.7 / 400.0).abs() < 1e-9,
+        "{}",
+        axis.twist()
+    );
 }

@@ -36,6 +36,7 @@ fn smooth() -> RigidBeam {
 fn loads(torques: [f64; 2]) -> [Load; 2] {
     torques.map(|torque| Load {
         torque,
+        outside: 0.0,
         brake_open: true,
         blocked: false,
     })

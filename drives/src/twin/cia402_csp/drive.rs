@@ -109,6 +109,9 @@ impl Drive {
                 drive.preset(address, value.into());
             }
         }
+        for (address, value) in config.mapped {
+            drive.preset(address, value);
+        }
         drive
     }
 

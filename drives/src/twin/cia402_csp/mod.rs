@@ -40,7 +40,7 @@ use super::servo::axis::ServoAxis;
 use super::servo::cascade::Gains;
 use super::servo::encoder::EncoderErrors;
 use super::servo::firmware::ServoFirmware;
-use crate::dictionary::CIA402_CSP;
+use crate::dictionary::{CIA402_CSP, CIA402_CSV, CIA402_PV, CIA402_VL};
 use drive::Drive;
 use syncline_canopen::cia402::{State, Statusword};
 use syncline_canopen::dictionary::{Dictionary, Entry};
@@ -57,6 +57,7 @@ pub(super) static KIND: Kind = Kind {
     make: |config| {
         Box::new(Twin::new(TwinConfig::in_mode(
             CYCLIC_SYNCHRONOUS_POSITION,
+            CIA402_CSP,
             config,
         )))
     },
@@ -66,9 +67,11 @@ pub(super) static KIND: Kind = Kind {
 pub(super) static CSV_KIND: Kind = Kind {
     name: "cia402_csv",
     title: "CiA 402 CSV",
+    dictionary: CIA402_CSV,
     make: |config| {
         Box::new(Twin::new(TwinConfig::in_mode(
             CYCLIC_SYNCHRONOUS_VELOCITY,
+            CIA402_CSV,
             config,
         )))
     },
@@ -79,7 +82,14 @@ pub(super) static CSV_KIND: Kind = Kind {
 pub(super) static PV_KIND: Kind = Kind {
     name: "cia402_pv",
     title: "CiA 402 PV",
-    make: |config| Box::new(Twin::new(TwinConfig::in_mode(PROFILE_VELOCITY, config))),
+    dictionary: CIA402_PV,
+    make: |config| {
+        Box::new(Twin::new(TwinConfig::in_mode(
+            PROFILE_VELOCITY,
+            CIA402_PV,
+            config,
+        )))
+    },
     ..KIND
 };
 
@@ -87,7 +97,8 @@ pub(super) static PV_KIND: Kind = Kind {
 pub(super) static VL_KIND: Kind = Kind {
     name: "cia402_vl",
     title: "CiA 402 VL",
-    make: |config| Box::new(Twin::new(TwinConfig::in_mode(VELOCITY, config))),
+    dictionary: CIA402_VL,
+    make: |config| Box::new(Twin::new(TwinConfig::in_mode(VELOCITY, CIA402_VL, config))),
     ..KIND
 };
 
@@ -112,6 +123,8 @@ pub struct TwinConfig {
     pub position: f64,
     /// Its object dictionary. What the loops go by and it does not have is as in [`CIA402_CSP`].
     pub dictionary: &'static [Entry],
+    /// What its maker has mapped into its PDOs where the dictionary does not have it.
+    pub mapped: Vec<(Address, i64)>,
     /// 1018h:1 and :2, where they are not the dictionary's.
     pub identity: [Option<u32>; 2],
     /// Its operating mode: 2, 3, 7, 8 or 9.
@@ -144,6 +157,7 @@ impl TwinConfig {
             processor: Processor::new(node, delays, Duration::from_millis(20)),
             position: 0.0,
             dictionary: CIA402_CSP,
+            mapped: Vec::new(),
             identity: [None; 2],
             mode: CYCLIC_SYNCHRONOUS_POSITION as u32,
             velocity_unit: None,
@@ -167,8 +181,8 @@ impl TwinConfig {
 }
 
 impl TwinConfig {
-    /// As it was asked for, in that mode unless another one was.
-    fn in_mode(mode: i64, config: &Config) -> Self {
+    /// As it was asked for, in that mode and with that dictionary unless another one was.
+    fn in_mode(mode: i64, dictionary: &'static [Entry], config: &Config) -> Self {
         let own = Self::new(config.node);
         Self {
             servo: own.servo.configured(config),
@@ -178,7 +192,8 @@ impl TwinConfig {
                 .assumed("encoder_increments")
                 .unwrap_or(own.encoder_increments),
             tells_boot_up: config.assumed("has_heartbeat") != Some(0),
-            dictionary: config.dictionary.unwrap_or(own.dictionary),
+            dictionary: config.dictionary.unwrap_or(dictionary),
+            mapped: config.mapped.clone(),
             identity: ["vendor_id", "product_code"].map(|name| config.assumed(name)),
             mode: config.assumed("mode").unwrap_or(mode as u32),
             velocity_unit: config

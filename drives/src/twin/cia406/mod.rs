@@ -44,6 +44,8 @@ pub struct TwinConfig {
     pub position: f64,
     /// Its object dictionary.
     pub dictionary: &'static [Entry],
+    /// What its maker has mapped into its PDOs where the dictionary does not have it.
+    pub mapped: Vec<(Address, i64)>,
     /// 1018h:1 and :2, where they are not the dictionary's.
     pub identity: [Option<u32>; 2],
     /// Steps of its disc, 6501h, above zero.
@@ -66,6 +68,7 @@ impl TwinConfig {
             processor: Processor::new(node, delays, Duration::from_millis(50)),
             position: 0.0,
             dictionary: CIA406,
+            mapped: Vec::new(),
             identity: [None; 2],
             steps_per_turn: 8192,
             turns: 4096,
@@ -81,6 +84,7 @@ impl From<&Config> for TwinConfig {
         Self {
             position: config.position,
             dictionary: config.dictionary.unwrap_or(own.dictionary),
+            mapped: config.mapped.clone(),
             identity: ["vendor_id", "product_code"].map(|name| config.assumed(name)),
             steps_per_turn: number("steps_per_turn", own.steps_per_turn),
             turns: number("turns", own.turns),
@@ -153,6 +157,10 @@ impl Encoder {
                 let tampering = &mut encoder.tampering;
                 tampering.preset(&mut encoder.objects, address, value.into());
             }
+        }
+        for &(address, value) in &config.mapped {
+            let tampering = &mut encoder.tampering;
+            tampering.preset(&mut encoder.objects, address, value);
         }
         encoder
     }

@@ -631,4 +631,9 @@ impl ServoFirmware for Drive {
         self.switches.sense(input, on);
         self.captures.touch(input, place);
     }
+
+    fn outputs_own(&self) -> u16 {
+        let levels = self.output_levels().into_iter().zip(0..);
+        levels.map(|(on, place)| u16::from(on) << place).sum()
+    }
 }

@@ -250,7 +250,7 @@ impl Drive {
         let rows = self.rows;
         let bit = |(place, on): (i64, bool)| i64::from(on) << place;
         let registers = (0..).zip(self.registers(position)).map(bit).sum();
-        let (inputs, outputs) = (self.inputs(), self.outputs());
+        let (inputs, outputs) = (self.inputs(), self.output_levels());
         let inputs = (0..).zip(inputs).map(bit).sum();
         let outputs = (0..).zip(outputs).map(bit).sum();
         self.objects.set(rows.register_status, registers);
@@ -274,7 +274,7 @@ impl Drive {
     }
 
     /// DQ0…DQ2.
-    fn outputs(&self) -> [bool; 3] {
+    pub(super) fn output_levels(&self) -> [bool; 3] {
         let rows = &self.rows;
         let set = self.objects.get(rows.outputs_set);
         let functions = [

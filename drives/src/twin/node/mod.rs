@@ -16,6 +16,7 @@ pub use tampering::Tampering;
 use super::device::{Disturbance, Observation, SimulatedDevice};
 use super::random::Random;
 use super::servo::cascade::Gains;
+use super::servo::power_stage::PowerStage;
 use super::servo::shaft::Shaft;
 
 use crate::bus;
@@ -64,6 +65,16 @@ pub trait Firmware: Application {
         None
     }
 
+    /// Its power stage, where one is simulated.
+    fn power_stage(&self) -> Option<&PowerStage> {
+        None
+    }
+
+    /// The same, to be joined to those of others.
+    fn power_stage_mut(&mut self) -> Option<&mut PowerStage> {
+        None
+    }
+
     /// Interferes with what is behind the node and the shaft; what it does not have is left alone.
     fn disturb(&mut self, disturbance: Disturbance);
 
@@ -73,8 +84,7 @@ pub trait Firmware: Application {
         self.disturb(Disturbance::Input(input, on));
     }
 
-    /// The levels of its digital outputs, one bit each from the first one on; 0 without any, and of a drive, on whose outputs
-    /// nothing in the world hangs.
+    /// The levels of its digital outputs, one bit each from the first one on; 0 without any that a controller may set.
     fn outputs(&self) -> u16 {
         0
     }
@@ -256,6 +266,8 @@ impl<F: Firmware + Send + 'static> SimulatedDevice for Device<F> {
             load_velocity: shaft.map_or(0.0, |shaft| shaft.load_motion().velocity),
             at: shaft.map(Shaft::at),
             torque: self.firmware.torque(),
+            outside: shaft.map_or(0.0, Shaft::pushed),
+            supply: self.firmware.power_stage().map(PowerStage::supply_now),
         }
     }
 
@@ -293,6 +305,10 @@ impl<F: Firmware + Send + 'static> SimulatedDevice for Device<F> {
 
     fn shaft_mut(&mut self) -> Option<&mut Shaft> {
         self.firmware.shaft_mut()
+    }
+
+    fn power_stage_mut(&mut self) -> Option<&mut PowerStage> {
+        self.firmware.power_stage_mut()
     }
 
     fn run_until(&mut self, now: Instant) {

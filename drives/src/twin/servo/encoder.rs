@@ -64,7 +64,7 @@ impl Encoder {
 
 /// A scale at the load: a second feedback, by which a drive closes its position loop.
 ///
-/// It sees what the encoder does not: twist and play of the transmission, and its lead error. In between of two steps of
+/// It sees what the encoder does not: twist and play of the transmission, and its lead error and expansion. In between of two steps of
 /// the axis it goes on with the load's speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {

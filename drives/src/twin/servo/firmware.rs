@@ -175,6 +175,11 @@ pub trait ServoFirmware: Application {
         self.disturb_own(Disturbance::Input(input, on));
     }
 
+    /// As [`Firmware::outputs`].
+    fn outputs_own(&self) -> u16 {
+        0
+    }
+
     /// Runs the next step of the speed loop.
     fn step(&mut self) {
         let (step, _) = self.servo().loops.clock.step();
@@ -366,6 +371,14 @@ impl<D: ServoFirmware> Firmware for D {
         Some(self.servo().loops.cascade.gains())
     }
 
+    fn power_stage(&self) -> Option<&PowerStage> {
+        self.servo().loops.torque_source.power_stage()
+    }
+
+    fn power_stage_mut(&mut self) -> Option<&mut PowerStage> {
+        self.servo_mut().loops.torque_source.power_stage_mut()
+    }
+
     fn disturb(&mut self, disturbance: Disturbance) {
         let servo = self.servo_mut();
         match disturbance {
@@ -387,5 +400,9 @@ impl<D: ServoFirmware> Firmware for D {
 
     fn touch(&mut self, input: u8, on: bool, place: f64) {
         self.touch_own(input, on, place);
+    }
+
+    fn outputs(&self) -> u16 {
+        self.outputs_own()
     }
 }

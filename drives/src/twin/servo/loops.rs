@@ -298,6 +298,34 @@ mod tests {
         }
     }
 
+    /// Without the speed loop's integral a servo is a spring: a torque M on the load turns it by M / (K Kp), with the gain K
+    /// of the speed loop and Kp of the position loop. With the integral it is where it was.
+    #[test]
+    fn a_force_from_outside_deflects_a_servo_by_its_stiffness() {
+        for (integral_time, deflects) in [(1e9, 1.0), (0.009, 0.0)] {
+            let sensor = Encoder::new(COUNTS, EncoderErrors::default(), Random::new(0, 0));
+            let train = DriveTrain {
+                bearing: crate::mechanics::friction::Friction::default(),
+                ..DriveTrain::default()
+            };
+            let (clock, shaft) = (Clock::new(Instant::ZERO, 0.0), Shaft::new(train, 0.0));
+            let gains = Gains {
+                speed_integral_time: integral_time,
+                ..Gains::default()
+            };
+            let stiffness = gains.speed * gains.position;
+            let mut loops = Loops::new(clock, shaft, sensor, COUNTS, gains, TorqueSource::Ideal);
+            go_to(&mut loops, 0.0);
+            loops.shaft.push(-0.8);
+            let place = go_to(&mut loops, 0.0);
+            let expected = -0.8 / stiffness * deflects;
+            assert!(
+                (place - expected).abs() < 2.0 / COUNTS,
+                "{place} instead of {expected}"
+            );
+        }
+    }
+
     /// Where nothing gives way and no lead is wrong both say the same, and so the loops do.
     #[test]
     fn a_scale_on_a_stiff_axis_changes_nothing() {

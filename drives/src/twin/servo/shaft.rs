@@ -48,6 +48,8 @@ pub struct Shaft {
     at: Instant,
     blocked: bool,
     powerless: bool,
+    /// On what it moves from outside, N·m.
+    outside: f64,
     /// Somebody else moves it.
     coupled: Option<Coupled>,
 }
@@ -80,6 +82,7 @@ impl Shaft {
             at: Instant::ZERO,
             blocked: false,
             powerless: false,
+            outside: 0.0,
             coupled: None,
         }
     }
@@ -108,8 +111,8 @@ impl Shaft {
         &self.plant
     }
 
-    /// True position of the load, revolutions of the shaft: behind it by twist and play, off by the
-    /// lead error. Of a coupled shaft that of the shaft itself.
+    /// True position of the load, revolutions of the shaft: behind it by twist and play, off by
+    /// lead error and expansion. Of a coupled shaft that of the shaft itself.
     #[must_use]
     pub fn load_position(&self) -> f64 {
         match (&self.plant, &self.coupled) {
@@ -118,7 +121,7 @@ impl Shaft {
         }
     }
 
-    /// How the load moves at the last step, in revolutions of the shaft; its lead error is in the position alone.
+    /// How the load moves at the last step, in revolutions of the shaft; its lead error and expansion are in the position alone.
     #[must_use]
     pub fn load_motion(&self) -> Motion {
         let velocity = match (&self.plant, &self.coupled) {
@@ -149,6 +152,17 @@ impl Shaft {
         self.blocked = blocked;
     }
 
+    /// Pushes at what it moves with a torque, N·m at the shaft, from now on.
+    pub fn push(&mut self, torque: f64) {
+        self.outside = torque;
+    }
+
+    /// With what it is pushed so, N·m.
+    #[must_use]
+    pub fn pushed(&self) -> f64 {
+        self.outside
+    }
+
     /// Whether the motor delivers no torque, whatever its drive asks for.
     pub fn lose_torque(&mut self, lost: bool) {
         self.powerless = lost;
@@ -163,6 +177,7 @@ impl Shaft {
             None => {
                 let load = Load {
                     torque,
+                    outside: self.outside,
                     brake_open,
                     blocked: self.blocked,
                 };
@@ -197,9 +212,10 @@ impl Shaft {
 
     /// What a coupled shaft has been loaded with since this was asked last.
     pub fn take_load(&mut self) -> Load {
-        let blocked = self.blocked;
+        let (blocked, outside) = (self.blocked, self.outside);
         let Some(coupled) = &mut self.coupled else {
             return Load {
+                outside,
                 blocked,
                 ..Load::default()
             };
@@ -212,6 +228,7 @@ impl Shaft {
         }
         Load {
             torque: coupled.torque,
+            outside,
             brake_open: coupled.brake_open,
             blocked,
         }
