@@ -244,7 +244,42 @@ proptest! {
             let off = off.fold(f64::INFINITY, f64::min);
             prop_assert!(off <= 2.0 * tolerance + 1e-6, "rest {count}: {off} mm from the end of a block");
         }
-        prop_assert!(2 * count >= contour.points.len(), "{count} rests");
+        prop_assert!((contour.points.len() / 2..=contour.points.len()).contains(&count), "{count} rests");
+    }
+
+    /// What is switched behind a block is switched as the path goes on from a single block's rest there, in the middle of a
+    /// rounding as at a stop.
+    #[test]
+    fn a_single_block_rests_before_what_comes_behind_it(
+        mode in prop::sample::select(&["G64 P0.02", "G64 P0.3", "G61", "G61.1"][..]),
+        feed in 300..3000_u32,
+        points in prop::collection::vec(prop::array::uniform2(20.0..200.0_f64), 4..9),
+    ) {
+        /// The line of the first M-code, which another one comes two lines behind.
+        const SWITCHED: u32 = 4;
+        let [x, y] = points[0];
+        let mut program = format!("{mode}\nG0 X{x:.3} Y{y:.3}\nF{feed}\n");
+        for (number, [x, y]) in points[1..].iter().enumerate() {
+            let _ = writeln!(program, "M{}\nG1 X{x:.3} Y{y:.3}", 8 + number % 2);
+        }
+        let mut rig = Rig::portal(&(program + "M2\n"));
+        rig.goes_on = false;
+        rig.command(Command::SingleBlock(SwitchChange::To(true)));
+        let mut count = 0;
+        while rig.step() {
+            if rests(&rig) == count {
+                continue;
+            }
+            count += 1;
+            for _ in 0..20 {
+                rig.step();
+            }
+            let switched = rig.rows.last().expect("it is at work").functions.line;
+            let wanted = if count == 1 { 0 } else { SWITCHED + 2 * (count as u32 - 2) };
+            prop_assert_eq!(switched, wanted, "rest {}", count);
+            rig.command(Command::Resume);
+        }
+        prop_assert_eq!(count, points.len());
     }
 }
 

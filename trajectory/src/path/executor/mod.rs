@@ -687,13 +687,14 @@ impl<const N: usize> Executor<N> {
         }
     }
 
-    /// Drops the path segments that end before `distance`, but never the last of the section.
+    /// Drops the path segments that end before `distance`, but never the last of the section. Where a path rests at the end of
+    /// one, the next has not begun.
     fn enter_path_segment_at(&mut self, distance: f64) {
         while let (Some(path_segment), Some(next)) =
             (self.path_segments.front(), self.path_segments.get(1))
         {
             if next.start <= path_segment.start
-                || distance < path_segment.start + path_segment.curve.length()
+                || distance < path_segment.start + path_segment.curve.length() + NOTHING
             {
                 break;
             }

@@ -30,9 +30,9 @@
 //!
 //! To look at a lesser tolerance only where the next greater one saves time is a fifth quicker, and misses some. To plan a
 //! stretch in one window leaves those without a time that need more cells than one has, and those that have a solution only in
-//! shorter ones. To count a stretch that is not planned to its end as endless took a lesser tolerance in place of one whose plan
-//! is long, which was 13 % sooner; to count it as no time at all kept lines that leave slivers between roundings, which a stop
-//! passes up to 53 times as soon. Stretches of 64 moves cost a tenth less than those of 512, and miss what these give: a run of
+//! shorter ones. Counted as endless, a stretch that is not planned to its end lost to a lesser tolerance although it was 13 %
+//! sooner; counted as no time at all, it won with slivers between roundings, which a stop at every point passes up to 53 times
+//! as soon. Stretches of 64 moves cost a tenth less than those of 512, and miss what these give: a run of
 //! 82 short segments is passed 20 % sooner within a lesser tolerance. Where short segments go on for more moves than a stretch
 //! has: to go on within the tolerance whose curves have come further in the time that they take by then; that changed nothing in
 //! the programs that it was meant for.
