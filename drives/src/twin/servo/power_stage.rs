@@ -379,7 +379,8 @@ impl PowerStage {
             ..
         } = self.bus;
         if self.has_mains && power >= 0.0 && self.voltage <= nominal {
-            // The mains give what is taken.
+            // The mains give what is taken, also by drives that are joined to this one and have none.
+            self.voltage = nominal;
             return;
         }
         self.is_braking = self.voltage
@@ -794,6 +795,31 @@ mod tests {
                     prop_assert_eq!(stages[0].has_overvoltage(), stages.iter().any(PowerStage::has_overvoltage));
                 }
             }
+        }
+
+        /// While one of them has mains, those that have none have its voltage, but for what a step takes; behind the last one's it is lost.
+        #[test]
+        fn one_that_has_mains_feeds_those_joined_to_it(
+            powers in prop::collection::vec((prop::array::uniform4(0.0..1500.0_f64), 1..400_u32), 1..6),
+            count in 2..=4_usize, fed in 0..4_usize,
+        ) {
+            let mut stages = vec![smooth(); count];
+            let of = stages[0].bus;
+            for (place, stage) in stages.iter_mut().enumerate() {
+                stage.feed(place == fed % count);
+            }
+            let apart = 8.0 * 1500.0 * H / of.capacitance / of.nominal;
+            for (powers, steps) in &powers {
+                for _ in 0..*steps {
+                    joined(&mut stages, &powers[..count]);
+                    prop_assert!(stages[0].voltage > of.nominal - apart, "{}", stages[0].voltage);
+                }
+            }
+            stages[fed % count].feed(false);
+            for _ in 0..(1.0 / H) as u32 {
+                joined(&mut stages, &[200.0; 4][..count]);
+            }
+            prop_assert!(stages[0].voltage < 0.1 * of.nominal, "{}", stages[0].voltage);
         }
 
         /// Whatever is asked at whatever speed, with mains that come and go: finite, and no more torque than the peak current makes.
