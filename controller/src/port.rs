@@ -23,7 +23,7 @@ use crate::machine::Machine;
 use sim::{SimPort, Simulated};
 use socketcan::SocketCan;
 use syncline_canopen::{CobId, Frame};
-use syncline_drives::world::{Observer, World};
+use syncline_drives::world::{BusId, Observer, World};
 use url::{BusUrl, NoBus};
 use wire::WirePort;
 
@@ -35,6 +35,9 @@ pub trait Port {
     /// Gives the world what was sent to a simulated bus and takes what came from there, at the
     /// present instant; what is sent to a real bus has left.
     fn exchange(&mut self, _world: &mut World) {}
+
+    /// Which bus of the world it is the port of; `None`: of none, the bus is a real one.
+    fn simulated(&self) -> Option<BusId>;
 
     /// Whether the port tells by [`Received::echo`] that a frame has left.
     fn echoes(&self) -> bool;
@@ -78,6 +81,10 @@ pub trait Port {
 impl<P: Port + ?Sized> Port for Box<P> {
     fn exchange(&mut self, world: &mut World) {
         (**self).exchange(world);
+    }
+
+    fn simulated(&self) -> Option<BusId> {
+        (**self).simulated()
     }
 
     fn echoes(&self) -> bool {

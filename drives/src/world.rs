@@ -207,9 +207,9 @@ impl World {
         }
     }
 
-    /// The device with this node id on a bus, by that bus' place in the order in which they were added.
+    /// The device with this node id on a bus.
     #[must_use]
-    pub fn find(&self, bus: usize, node: NodeId) -> Option<DeviceId> {
+    pub fn find(&self, BusId(bus): BusId, node: NodeId) -> Option<DeviceId> {
         let mut nodes = self.buses.get(bus)?.wire.nodes();
         let place = nodes.position(|device| device.node() == node)?;
         Some(DeviceId { bus, place })

@@ -86,6 +86,10 @@ fn take_one(count: &mut u32) -> bool {
 }
 
 impl Port for TappedPort {
+    fn simulated(&self) -> Option<BusId> {
+        self.port.simulated()
+    }
+
     fn exchange(&mut self, world: &mut World) {
         self.port.exchange(world);
     }
@@ -315,7 +319,10 @@ impl Rig {
 
     /// Somebody else puts a frame on a bus, by its place in the machine file.
     pub fn intrude(&mut self, bus: usize, frame: Frame) {
-        let wire = self.bus_at(bus).port.bus();
+        let wire = self
+            .bus_at(bus)
+            .simulated()
+            .expect("its buses are simulated");
         self.session.timeline().world().intrude(wire, frame);
     }
 

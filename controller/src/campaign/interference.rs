@@ -12,7 +12,7 @@ use std::mem::take;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, nmt};
 use syncline_drives::twin::{Disturbance, ErrorClass};
-use syncline_drives::world::World;
+use syncline_drives::world::{BusId, World};
 
 /// Something that happens to the machine from outside.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -608,9 +608,13 @@ fn take_one(count: &mut u32) -> bool {
 }
 
 impl Port for TroubledPort {
+    fn simulated(&self) -> Option<BusId> {
+        self.port.simulated()
+    }
+
     fn exchange(&mut self, world: &mut World) {
-        if let Some(frame) = self.nmt.take() {
-            world.intrude(self.port.bus(), frame);
+        if let (Some(frame), Some(bus)) = (self.nmt.take(), self.simulated()) {
+            world.intrude(bus, frame);
         }
         self.port.exchange(world);
     }

@@ -74,21 +74,20 @@ fn points(text: impl io::Read) -> Result<Vec<(f64, [f64; 3])>, String> {
         return Err(format!("its first line is not {}", COLUMNS.join(",")));
     }
     let mut points: Vec<(f64, [f64; 3])> = Vec::new();
-    for (n, record) in csv.into_records().enumerate() {
-        let line = n + 2;
+    for (row, record) in (1..).zip(csv.into_records()) {
         let record = record.map_err(|why| why.to_string())?;
-        let number = |n: usize| {
-            let value = record.get(n).and_then(|it| it.parse::<f64>().ok());
+        let number = |column: usize| {
+            let value = record.get(column).and_then(|it| it.parse::<f64>().ok());
             let value = value.filter(|it| it.is_finite());
-            value.ok_or_else(|| format!("line {line}: `{}` is no number", COLUMNS[n]))
+            value.ok_or_else(|| format!("row {row}: `{}` is no number", COLUMNS[column]))
         };
         let at = number(0)?;
         if points.last().is_some_and(|(before, _)| *before >= at) {
-            return Err(format!("line {line}: `path_mm` does not ascend"));
+            return Err(format!("row {row}: `path_mm` does not ascend"));
         }
         let force = [number(1)?, number(2)?, number(3)?];
         if force.iter().any(|it| it.abs() > MOST) {
-            return Err(format!("line {line}: a force is beyond {MOST} N"));
+            return Err(format!("row {row}: a force is beyond {MOST} N"));
         }
         if points.len() == MOST_LINES {
             return Err(format!("it has more than {MOST_LINES} lines"));
@@ -155,19 +154,19 @@ mod tests {
             (&format!("{head}0,1,2,3\n"), "it has no two lines of forces"),
             (
                 &format!("{head}0,1,2,3\n5,1,x,3\n"),
-                "line 3: `y_n` is no number",
+                "row 2: `y_n` is no number",
             ),
             (
                 &format!("{head}0,1,2,3\n5,1,NaN,3\n"),
-                "line 3: `y_n` is no number",
+                "row 2: `y_n` is no number",
             ),
             (
-                &format!("{head}5,1,2,3\n5,1,2,3\n"),
-                "line 3: `path_mm` does not ascend",
+                &format!("{head}5,1,2,3\n\n\n5,1,2,3\n"),
+                "row 2: `path_mm` does not ascend",
             ),
             (
                 &format!("{head}0,1,2,3\n5,1,2e7,3\n"),
-                "line 3: a force is beyond 1000000 N",
+                "row 2: a force is beyond 1000000 N",
             ),
         ] {
             assert_eq!(of(text), Err(why.to_owned()));

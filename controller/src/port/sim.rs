@@ -38,12 +38,6 @@ impl SimPort {
             received: Vec::with_capacity(256),
         }
     }
-
-    /// Which bus that is.
-    #[must_use]
-    pub fn bus(&self) -> BusId {
-        self.bus
-    }
 }
 
 impl Port for SimPort {
@@ -80,6 +74,10 @@ impl Port for SimPort {
         let frames = frames.iter().map(|frame| (Band::Acyclic, *frame));
         self.sent.extend(frames);
         Ok(())
+    }
+
+    fn simulated(&self) -> Option<BusId> {
+        Some(self.bus)
     }
 
     fn echoes(&self) -> bool {

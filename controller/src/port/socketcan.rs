@@ -30,6 +30,7 @@ use std::mem::{size_of, zeroed};
 use std::os::fd::{AsRawFd, FromRawFd, OwnedFd};
 use std::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, Instant};
+use syncline_drives::world::BusId;
 
 /// SO_PRIORITY values and the band of pfifo_fast that each lands in (tc-prio(8), default map).
 const FIRST_BAND: c_int = 6;
@@ -231,6 +232,10 @@ impl Queued {
 }
 
 impl Port for SocketCan {
+    fn simulated(&self) -> Option<BusId> {
+        None
+    }
+
     fn echoes(&self) -> bool {
         true
     }

@@ -6,6 +6,7 @@ use crate::bus::{Burst, Received};
 use crossbeam::channel::Receiver;
 use std::time::Duration;
 use syncline_canopen::{Frame, Instant};
+use syncline_drives::world::BusId;
 
 /// A bus to read from and write to, one frame at a time.
 pub trait Wire {
@@ -90,6 +91,10 @@ impl<W: Wire> WirePort<W> {
 }
 
 impl<W: Wire> Port for WirePort<W> {
+    fn simulated(&self) -> Option<BusId> {
+        None
+    }
+
     fn echoes(&self) -> bool {
         false
     }

@@ -9,7 +9,7 @@ use crate::port::{Port, PortError};
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::sync::Arc;
 use syncline_canopen::Instant;
-use syncline_drives::world::World;
+use syncline_drives::world::{DeviceId, World};
 
 /// Frames on their way to a flight recorder.
 const CARRIED: usize = 16_384;
@@ -34,14 +34,20 @@ pub struct Driver<const N: usize, P> {
 impl<P: Port> Driver<COORDINATES, P> {
     /// Its simulated tools cut as this machine's do, from now on.
     pub(super) fn cut(&mut self, machine: &Machine, layout: &Layout) {
-        self.cutting = Cutting::new(machine, layout, &self.world);
+        self.cutting = Cutting::new(machine, &self.twins(layout));
     }
 
-    /// The tool pushes as it cuts at the last SYNC, or does not, until it is told otherwise.
-    pub(super) fn push_tool(&mut self, cuts: bool) {
+    /// The tool pushes as it cuts at the last SYNC.
+    pub(super) fn push_tool(&mut self) {
+        if let Some(cutting) = &mut self.cutting {
+            cutting.push(&self.controller, &mut self.world);
+        }
+    }
+
+    /// No tool pushes any more.
+    pub(super) fn leave_tool(&mut self) {
         if let Some(cutting) = &self.cutting {
-            let row = self.controller.row().filter(|_| cuts);
-            cutting.push(row, &mut self.world);
+            cutting.leave(&mut self.world);
         }
     }
 }
@@ -61,6 +67,15 @@ impl<const N: usize, P: Port> Driver<N, P> {
             cutting: None,
             tap: None,
         }
+    }
+
+    /// For each device of the machine its twin, where that is simulated.
+    pub(super) fn twins(&self, layout: &Layout) -> Vec<Option<DeviceId>> {
+        let twins = layout.devices.iter().map(|device| {
+            let bus = self.ports[device.bus].simulated()?;
+            self.world.find(bus, device.device.spec().node)
+        });
+        twins.collect()
     }
 
     /// The frames that the controller receives and sends from now on. Those that find no room are left out.

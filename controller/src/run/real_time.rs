@@ -309,7 +309,7 @@ impl Cycle {
                     .compute
                     .record(over.saturating_since(woke), woke);
                 self.report_all();
-                self.driver.push_tool(true);
+                self.driver.push_tool();
                 // Behind the setpoints, which nothing is to delay.
                 if !self.timing.lockstep {
                     self.take_plan(TAKEN_AT_ONCE);

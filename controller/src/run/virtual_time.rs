@@ -129,14 +129,11 @@ impl<P: Port> VirtualMachine<P> {
     }
 
     fn with(world: World, ports: Vec<P>, layout: Arc<Layout>, frames: SharedFrames) -> Self {
-        let drives = layout.devices.iter();
-        let drives = drives.map(|drive| world.find(drive.bus, drive.device.spec().node));
-        let drives = drives.collect();
-        let mut driver = Driver::new(layout, world, ports, Instant::ZERO);
+        let mut driver = Driver::new(Arc::clone(&layout), world, ports, Instant::ZERO);
         Self {
             carried: driver.tap(),
+            drives: driver.twins(&layout),
             driver,
-            drives,
             frames,
             planning: InlinePlanning::default(),
             orders: Orders::default(),
@@ -171,7 +168,7 @@ impl<P: Port> VirtualMachine<P> {
         }
         let stepped = self.driver.step(self.now);
         if supervises {
-            self.driver.push_tool(true);
+            self.driver.push_tool();
         }
         // What fails once fails in every cycle: the first time is news.
         let failed = replace(&mut self.bus_failed, stepped.is_err());
@@ -251,7 +248,7 @@ impl<P: Port> VirtualMachine<P> {
     /// the drives are then, by their index, where they are simulated.
     #[must_use]
     pub fn come_to_rest(&mut self) -> Vec<Option<Observation>> {
-        self.driver.push_tool(false);
+        self.driver.leave_tool();
         self.driver.world.advance_to(self.now + BRAKES);
         let drives = 0..self.drives.len();
         drives.map(|drive| self.observe_drive(drive)).collect()

@@ -12,7 +12,7 @@ use syncline_controller::control::{End, Event, Fault};
 use syncline_controller::port::{Port, PortError};
 use syncline_controller::run::driver::Driver;
 use syncline_drives::model::REFERENCE;
-use syncline_drives::world::World;
+use syncline_drives::world::{BusId, World};
 
 const CYCLE: Duration = Duration::from_millis(2);
 
@@ -44,6 +44,9 @@ impl Plug {
 }
 
 impl Port for Plug {
+    fn simulated(&self) -> Option<BusId> {
+        self.port.simulated()
+    }
     fn exchange(&mut self, world: &mut World) {
         self.port.exchange(world);
     }

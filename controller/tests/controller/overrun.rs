@@ -15,7 +15,7 @@ use syncline_controller::realtime;
 use syncline_controller::run::driver::Driver;
 use syncline_controller::run::real_time::{Cycle, Timing};
 use syncline_drives::twin::Config;
-use syncline_drives::world::{Observer, World};
+use syncline_drives::world::{BusId, Observer, World};
 
 const CYCLE: Duration = Duration::from_millis(2);
 
@@ -248,6 +248,9 @@ struct Troubled {
 }
 
 impl Port for Troubled {
+    fn simulated(&self) -> Option<BusId> {
+        self.port.simulated()
+    }
     fn exchange(&mut self, world: &mut World) {
         self.port.exchange(world);
     }

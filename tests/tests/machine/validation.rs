@@ -542,6 +542,19 @@ fn forces_come_along_the_path() {
     let ramp = validate("path_mm,x_n,y_n,z_n\n0,0,0,0\n120,-400,300,0\n", program);
     let most = number(&ramp, "/cutting/max_force_n");
     assert!((most - 250.0).abs() < 0.5, "{most}");
+    // What probes is not on it, and the path goes on behind that.
+    let probe = "[[input]]\nname = \"probe\"\ndrive = \"left-right\"\nsignal = \"DI0\"\nfunction = \"probe\"\n";
+    let folder = Folder::new();
+    let _ = folder.file(
+        "forces.csv",
+        "path_mm,x_n,y_n,z_n\n0,0,0,0\n120,-400,300,0\n",
+    );
+    let more = format!("[simulation]\nforces = \"forces.csv\"\n{probe}");
+    let probes = program.replace("X60", "X30 F600\nG38.3 Y5 F300\nG1 X60");
+    let probed = validated_in(&folder, &more, &[(limits, &axis)], &probes);
+    assert_eq!(probed["verdict"], "pass", "{probed:#}");
+    let most = number(&probed, "/cutting/max_force_n");
+    assert!((most - 250.0).abs() < 0.5, "{most}");
     // Behind its last line there is none.
     let short = validate("path_mm,x_n,y_n,z_n\n0,-50,0,0\n5,-50,0,0\n", program);
     assert_eq!(short["cutting"]["max_force_at"]["line"], 2, "{short:#}");
