@@ -7,6 +7,7 @@ mod sample;
 mod squaring;
 mod test_move;
 
+pub(super) use feedback::STEADY;
 pub use sample::AxisSample;
 pub(super) use test_move::Test;
 

@@ -1,5 +1,6 @@
 //! The machine as the controller needs it, made once from the machine file.
 
+use super::axis::STEADY;
 use super::fault::{AxisIndex, BusCause, BusIndex, DeviceIndex, Names};
 use super::inputs::InputIndex;
 use crate::budget::{BusBudget, DoesNotFit, MachineBudget};
@@ -17,6 +18,8 @@ use syncline_trajectory::shaper::Shaper;
 
 /// No speed of a spindle is held more closely than to this part of the greatest.
 const LEAST_WINDOW: f64 = 0.001;
+/// Increments by which an encoder that stands may tell another position.
+const NOISE: f64 = 2.0;
 /// A spindle stands that turns by less, degrees.
 const SPINDLE_STANDS: f64 = 0.5;
 
@@ -271,9 +274,19 @@ pub struct AxisFeedback {
     pub difference: f64,
     /// It is what the axis's position loop is closed by, and where the axis is.
     pub closes_loop: bool,
-    /// The drives learn their place from it as they come up and as they are enabled: it closes the loop, or it is what the axis is referenced by
-    /// and they count from where they are switched on.
-    pub teaches: bool,
+    /// When the drives learn their place from it.
+    pub teaches: Teaches,
+}
+
+/// When drives learn their place from the encoder of their axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Teaches {
+    /// Never: they know it by themselves.
+    Never,
+    /// As they come up: it closes the loop. What slips later is a fault, also while they are without power, as they count on.
+    AtBringUp,
+    /// As they come up and whenever they are enabled: without power they do not see how they are moved.
+    AtEnabling,
 }
 
 impl AxisFeedback {
@@ -289,9 +302,26 @@ impl AxisFeedback {
             encoder: machine.drives.len() + feedback.encoder,
             difference: feedback.difference,
             closes_loop: feedback.closes_loop,
-            teaches: feedback.closes_loop || axis.homing.tells_place() && counts_anew,
+            teaches: match feedback.closes_loop || axis.homing.tells_place() {
+                true if counts_anew => Teaches::AtEnabling,
+                true if feedback.closes_loop => Teaches::AtBringUp,
+                _ => Teaches::Never,
+            },
         }
     }
+}
+
+/// By how much an encoder that is held against drives which are asked for their positions may move and still stands, mm; `None`:
+/// this device is none.
+fn steady(machine: &Machine, device: usize) -> Option<f64> {
+    let encoder = device.checked_sub(machine.drives.len())?;
+    let of = |it: &&machine::Axis| it.feedback.is_some_and(|it| it.encoder == encoder);
+    let axis = machine.axes.iter().find(of)?;
+    let asked = |&drive: &usize| !machine.device(drive).spec().answers_sync;
+    let asks = axis.drives.iter().any(asked);
+    axis.feedback
+        .filter(|_| asks)
+        .map(|it| STEADY * it.difference)
 }
 
 impl Layout {
@@ -352,7 +382,11 @@ impl Layout {
                 let lost = loss.map(|loss| (loss.as_nanos() / apart.as_nanos()) as u32 + 1);
                 let scale = scale(machine, index, node.seat);
                 let mut scaling = scale.map_or(nowhere, |(scaling, _)| scaling);
-                let mut standstill = scale.map(|(scaling, window)| scaling.magnitude(window));
+                let steady = steady(machine, index).unwrap_or(f64::INFINITY);
+                let mut standstill = scale.map(|(scaling, window)| {
+                    let noise = NOISE * scaling.resolution();
+                    scaling.magnitude(window.min(steady.max(noise)))
+                });
                 let middle = node.seat.map(|seat| machine.axes[seat.axis].middle());
                 let mut middle = middle.and_then(|mm| scaling.to_increments(mm).ok());
                 if let Some((_, encoder)) = machine.measured().find(|(at, _)| *at == index) {

@@ -52,7 +52,7 @@ impl fmt::Display for Notice {
 pub enum Compared {
     /// At every SYNC.
     AtSync,
-    /// Where both rest, each within its standstill window, or the drive has no target: it has no position of a SYNC.
+    /// Where the encoder has stood since the drive was asked, or the drive rests and has no target: it has no position of a SYNC.
     AtRest,
 }
 
@@ -138,7 +138,8 @@ impl Layout {
                 // both requests wait for their turn in a cycle. What is left of the way then may take it out of the
                 // standstill window around that one, once, so that its time of standing still begins anew.
                 let heard = POLL + (response + self.cycle) * 2;
-                (Compared::AtRest, heard + (STILL + self.cycle + older) * 2)
+                let stands = STILL.max(response) + self.cycle + older;
+                (Compared::AtRest, heard + stands * 2)
             }),
         )
     }

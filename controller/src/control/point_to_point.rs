@@ -89,6 +89,8 @@ impl<const N: usize> Controller<N> {
                 for axis in &mut self.axes {
                     if let Some(target) = motion.targets[axis.coordinate()] {
                         axis.go_to(target, halts_in, &self.nodes)?;
+                        // How long it has stood says nothing of where it goes now.
+                        self.nodes[axis.drive()].forget_standstill();
                     }
                 }
                 self.positioning = Some(Progress::Going { left: most });

@@ -83,6 +83,11 @@ impl Polls {
         take(&mut self.located).then(|| take(&mut self.unknown))
     }
 
+    /// Cycles since its position was known last.
+    pub(super) fn unknown(&self) -> u32 {
+        self.unknown
+    }
+
     /// Whether an answer is to be believed that contradicts what was told, or does not.
     pub(super) fn believes(&mut self, contradicts: bool) -> bool {
         self.contradictions = match contradicts {

@@ -3,7 +3,7 @@
 //!
 //! By how much an encoder is off is known from what happened to its coupling.
 
-use super::super::interference::Interference;
+use super::super::interference::{Interference, ToDrive};
 use super::reactions::{SILENT, is_calm, is_up};
 use super::{Checker, Found, Scene};
 use crate::control::{self, Fault, Phase, fault::AxisCause};
@@ -36,6 +36,8 @@ struct Watched {
     since: Option<Instant>,
     /// A drive of its axis is asked for its position, which is held against it at rest alone.
     waits_for_rest: bool,
+    /// Such a drive, a stepper, may have lost steps: its shaft was blocked, or it had no torque.
+    loses_steps: bool,
 }
 
 impl Encoders {
@@ -66,8 +68,8 @@ fn allowed(scene: &Scene<'_>, encoder: usize) -> (f64, f64) {
     (limit.unwrap_or(f64::INFINITY), margin)
 }
 
-/// Whether a drive learns its place from the encoder of its axis as it comes up, and as it is enabled.
-fn teaches(scene: &Scene<'_>, axis: usize) -> bool {
+/// The last phase in which a drive learns its place from the encoder of its axis; `None`: it does not.
+fn taught(scene: &Scene<'_>, axis: usize) -> Option<Phase> {
     let machine = scene.machine;
     let axis = &machine.axes[axis];
     let counts_anew = |drive: &usize| {
@@ -76,8 +78,13 @@ fn teaches(scene: &Scene<'_>, axis: usize) -> bool {
             .feedback()
             .is_some_and(|it| !it.counts_without_power())
     };
-    let is_told = axis.homing.tells_place() && axis.drives.iter().any(counts_anew);
-    axis.feedback.is_some_and(|it| it.closes_loop || is_told)
+    let counts_anew = axis.drives.iter().any(counts_anew);
+    let closes_loop = axis.feedback?.closes_loop;
+    match closes_loop || axis.homing.tells_place() {
+        true if counts_anew => Some(Phase::Disabled),
+        true if closes_loop => Some(Phase::Lock),
+        _ => None,
+    }
 }
 
 impl Checker for Encoders {
@@ -109,6 +116,13 @@ impl Checker for Encoders {
     }
 
     fn interfered(&mut self, scene: &Scene<'_>, what: &Interference, _: &mut Found) {
+        if let Interference::Drive(drive, ToDrive::Block(true) | ToDrive::LoseTorque(true)) = what {
+            for (spec, watched) in scene.machine.encoders.iter().zip(&mut self.0) {
+                let axis = spec.axis.map(|axis| &scene.machine.axes[axis]);
+                let moves_it = axis.is_some_and(|axis| axis.drives.contains(drive));
+                watched.loses_steps |= moves_it && watched.waits_for_rest;
+            }
+        }
         if let Interference::Slip(device, by) = what {
             let encoder = device - scene.machine.drives.len();
             let axis = scene.machine.encoders[encoder].axis;
@@ -130,8 +144,12 @@ impl Checker for Encoders {
             return;
         };
         let (limit, margin) = allowed(scene, encoder);
-        let slipped = self.0[encoder].slipped;
-        if slipped.abs() + margin < limit && is_calm(scene) {
+        let Watched {
+            slipped,
+            loses_steps,
+            ..
+        } = self.0[encoder];
+        if slipped.abs() + margin < limit && !loses_steps && is_calm(scene) {
             let what = "an encoder is said to disagree that does not";
             found.violate(NAME, scene, what, || {
                 format!("it has slipped by {slipped} mm: {event:?}")
@@ -148,9 +166,8 @@ impl Checker for Encoders {
             let cycles = scene.misses(drives + encoder) + IN_TIME;
             let mut in_time = f64::from(cycles) * scene.period();
             let mut is_compared = true;
-            if teaches(scene, axis) && scene.phase <= Phase::Disabled {
-                // Then the drive learns its place from the encoder.
-                watched.slipped = 0.0;
+            if taught(scene, axis).is_some_and(|last| scene.phase <= last) {
+                (watched.slipped, watched.loses_steps) = (0.0, false);
             }
             if watched.waits_for_rest {
                 in_time += ASKED;

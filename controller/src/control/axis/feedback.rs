@@ -1,14 +1,20 @@
 //! The encoder of an axis beside its drives: what these learn from it, and whether both say the same.
 //!
-//! Positions of different SYNCs say nothing about each other. A drive that tells its position when it is asked is compared
-//! where it rests. Where it goes to a target by itself the encoder has to rest as well, as what was asked for is of an instant
-//! before. Where it has none, it does not set off: what the encoder does meanwhile is not the drive's doing.
+//! Positions of different SYNCs say nothing about each other. What a drive tells that is asked for its position is of an
+//! instant before. So it is held against its encoder once that has stood since, and besides for as long as an answer may have
+//! been on its way, [`STILL`] at the least: within a [part](STEADY) of the difference that is allowed, so that both are of one place. A drive
+//! that goes to targets by itself and has none does not set off: where it rests, whatever the encoder does is not its doing.
+//! That each stands within `standstill_window` is not enough: both may creep by twice that, and one that sets off, or falls
+//! silent as it does, was told to have lost steps.
 
 use super::super::STILL;
 use super::super::fault::{AxisCause, Fault};
-use super::super::layout::AxisFeedback;
+use super::super::layout::{AxisFeedback, Teaches};
 use super::super::node::DeviceNode;
 use super::AxisControl;
+
+/// The part of the difference that is allowed by which an encoder may move and still stands.
+pub(in crate::control) const STEADY: f64 = 0.25;
 
 impl AxisControl {
     /// Without a reference, counts from where each side stands, or from where the axis' encoder says, where that
@@ -18,7 +24,8 @@ impl AxisControl {
         nodes: &mut [DeviceNode],
     ) -> Result<(), Fault> {
         for &drive in &self.spec.drives {
-            let there = match self.spec.feedback.filter(|it| it.teaches) {
+            let teaches = |it: &AxisFeedback| it.teaches != Teaches::Never;
+            let there = match self.spec.feedback.filter(teaches) {
                 Some(it) => nodes[drive].increments(nodes[it.encoder].actual_mm())?,
                 None if self.is_placed() => continue,
                 None => nodes[drive].scaling().zero(),
@@ -29,17 +36,18 @@ impl AxisControl {
         Ok(())
     }
 
-    /// What its encoder teaches its drives they learn anew before they are enabled: without power they may have been moved.
+    /// Drives that do not see how they are moved without power learn their place anew before they are enabled.
     pub(in crate::control) fn learn_place(&self, nodes: &mut [DeviceNode]) -> Result<(), Fault> {
-        match self.spec.feedback.is_some_and(|it| it.teaches) {
-            true => self.count_from_here(nodes),
-            false => Ok(()),
+        match self.spec.feedback.map(|it| it.teaches) {
+            Some(Teaches::AtEnabling) => self.count_from_here(nodes),
+            _ => Ok(()),
         }
     }
 
     /// Whether the encoder of the axis says what its drives say, of a gantry pair the mean of both.
     ///
-    /// Both absolute positions are compared, so that what slipped while the machine was off shows too.
+    /// Both absolute positions are compared, so that what slipped while the machine was off shows too, unless the drives learned
+    /// their place from the encoder since.
     pub(in crate::control) fn check_feedback(&self, nodes: &[DeviceNode]) -> Result<(), Fault> {
         let Some(AxisFeedback {
             encoder,
@@ -51,10 +59,9 @@ impl AxisControl {
         };
         let encoder = &nodes[encoder];
         let drives = self.spec.drives.iter().map(|&drive| &nodes[drive]);
-        let stays = self.point_to_point.is_some() && !self.goes();
         let is_told = |drive: &DeviceNode| match drive.answers_sync() {
             true => drive.age() == encoder.age(),
-            false => self.rests(drive) && (stays || self.rests(encoder)),
+            false => self.has_stood(encoder, drive) || self.stays() && self.rests(drive),
         };
         if !drives.clone().all(is_told) {
             return Ok(());
@@ -70,13 +77,23 @@ impl AxisControl {
         Ok(())
     }
 
-    /// Whether its encoder moves still, which is to be held against a drive that has told that it stands.
+    /// Whether its encoder is still to be held against a drive that has told that it stands.
     pub(super) fn awaits_comparison(&self, nodes: &[DeviceNode]) -> bool {
-        let polled = !nodes[self.drive()].answers_sync();
-        polled
-            && self
-                .compared()
-                .is_some_and(|it| !self.rests(&nodes[it.encoder]))
+        let drive = &nodes[self.drive()];
+        let awaits = |it: AxisFeedback| !self.has_stood(&nodes[it.encoder], drive);
+        !drive.answers_sync() && self.compared().is_some_and(awaits)
+    }
+
+    /// Whether its drive goes to targets, and has none.
+    fn stays(&self) -> bool {
+        self.point_to_point.is_some() && !self.goes()
+    }
+
+    /// Whether an encoder, which was heard since, has stood since a drive was asked for the position that it told last.
+    fn has_stood(&self, encoder: &DeviceNode, drive: &DeviceNode) -> bool {
+        let before = f64::from(encoder.still().saturating_sub(drive.unknown()));
+        let under_way = drive.sdo_response().max(STILL);
+        encoder.age() <= drive.unknown() && before * self.period >= under_way.as_secs_f64()
     }
 
     /// What is held against its drives.

@@ -9,8 +9,8 @@ use syncline_trajectory::state_to_state::{self, Problem};
 /// The part of the axis' limits of acceleration and jerk with which its sides move against each other.
 const GENTLE: f64 = 0.1;
 
-/// So many increments the sides of a square axis may be counted apart, for rounding and noise: where each is read to half an increment
-/// or so, they are more than 2 apart now and then.
+/// So many increments the sides of a square axis may be counted apart, for rounding and noise. Of each side half an increment is
+/// rounding, and one with friction rests where its loop leaves it, up to an increment or two beside its setpoint.
 const COUNTED: f64 = 5.0;
 
 /// A motion of an axis' sides against each other.

@@ -1,6 +1,7 @@
 //! Whether a drive stands, as it tells.
 
 use super::DeviceNode;
+use syncline_canopen::time::Duration;
 use syncline_drives::model::Increments;
 
 impl DeviceNode {
@@ -38,6 +39,16 @@ impl DeviceNode {
             self.still_at = self.actual;
             self.still = 0;
         }
+    }
+
+    /// Cycles since it told its position, where it is asked for that.
+    pub(in crate::control) fn unknown(&self) -> u32 {
+        self.polls.unknown()
+    }
+
+    /// How long it takes to answer a request at the most.
+    pub(in crate::control) fn sdo_response(&self) -> Duration {
+        self.device.spec().sdo_response
     }
 
     /// Counts anew.
