@@ -397,14 +397,6 @@ impl Traffic {
         responses.max().unwrap_or_default()
     }
 
-    /// The first of `cycles` that this traffic fits, if any: the cycles that the devices can take,
-    /// in ascending order.
-    #[must_use]
-    pub fn smallest_cycle(&self, cycles: impl IntoIterator<Item = Duration>) -> Option<Duration> {
-        let fits = |cycle: &Duration| self.in_cycle(*cycle).budget().verdict != Verdict::DoesNotFit;
-        cycles.into_iter().find(fits)
-    }
-
     /// The same traffic in another cycle.
     #[must_use]
     pub fn in_cycle(&self, cycle: Duration) -> Self {

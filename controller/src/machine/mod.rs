@@ -512,10 +512,15 @@ impl Machine {
     /// What the controller needs to know of the [device](Self::nodes) with that index.
     #[must_use]
     pub fn device(&self, index: usize) -> Device {
+        self.device_in(index, self.cycle)
+    }
+
+    /// The same in another cycle.
+    pub(crate) fn device_in(&self, index: usize, cycle: Duration) -> Device {
         let node = self.node(index);
         let common = Settings {
             node: node.id,
-            cycle: self.cycle,
+            cycle,
             velocity: 0.0,
             acceleration: 0.0,
             heartbeat: Heartbeat {

@@ -2,6 +2,7 @@
 
 use proptest::prelude::*;
 use std::f64::consts::TAU;
+use std::fmt::Write as _;
 use std::path::Path;
 use std::time::Duration;
 use syncline_controller::budget::{DoesNotFit, MachineBudget};
@@ -2153,5 +2154,56 @@ fn a_drive_turns_the_spindle_or_moves_an_axis() {
         assert!(DRILL.contains(from), "{from}");
         let errors = parse(&DRILL.replacen(from, to, 1)).unwrap_err().to_string();
         assert!(errors.contains(told), "{told}: {errors}");
+    }
+}
+
+/// One bus with these drives, an axis for each.
+fn one_bus(bitrate: u32, cycle_ms: u64, models: &[&str]) -> String {
+    let mut text = format!(
+        "[machine]\nname = \"drawn\"\ncycle_us = {}\n[[bus]]\nname = \"b\"\nbitrate = {bitrate}\n",
+        1000 * cycle_ms
+    );
+    for (place, model) in models.iter().enumerate() {
+        let _ = write!(
+            text,
+            "[[drive]]\nname = \"d{place}\"\nbus = \"b\"\nnode = {}\nmodel = \"{model}\"\n\
+             [[axis]]\nname = \"{}\"\ndrives = [\"d{place}\"]\npitch = 10.0\nmax_velocity = 20.0\nmax_acceleration = 200.0\n\
+             max_jerk = 4000.0\nsoft_limits = [-100.0, 100.0]\nfollowing_error_limit = 1.0\nstandstill_window = 0.1\n",
+            place + 1,
+            ["X", "Y", "Z", "U", "V", "W"][place],
+        );
+    }
+    text
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(48) })]
+
+    /// A machine that is refused is taken in the least cycle that fits, and not in a whole millisecond less; and it is refused with
+    /// setpoints at any other offset, too.
+    #[test]
+    fn a_machine_is_refused_where_nothing_helps_and_taken_as_is_advised(
+        bitrate in prop::sample::select(&[125_000, 250_000, 500_000, 1_000_000][..]),
+        cycle_ms in 1..12_u64,
+        models in prop::collection::vec(
+            prop::sample::select(&["lxm32m", "tlc5xx", "tsp10", "tsp10", "cia402_csp"][..]), 1..=6),
+    ) {
+        let machine = |cycle_ms| parse(&one_bus(bitrate, cycle_ms, &models)).ok();
+        let check = |machine: &Machine| MachineBudget::of(machine).check();
+        let refused = machine(cycle_ms).filter(|it| check(it).is_err());
+        prop_assume!(refused.is_some());
+        let mut refused = refused.unwrap();
+        if let Some(least) = MachineBudget::of(&refused).buses[0].smallest_cycle {
+            let least = least.as_millis() as u64;
+            let taken = machine(least).expect("its drives take that cycle");
+            prop_assert_eq!(check(&taken), Ok(()), "in {} ms", least);
+            if let Some(less) = machine(least - 1) {
+                prop_assert!(check(&less).is_err(), "in {} ms", least - 1);
+            }
+        }
+        for offset in (0..1000 * cycle_ms).step_by(50) {
+            refused.controller.setpoint_offset = Some(Duration::from_micros(offset));
+            prop_assert!(check(&refused).is_err(), "with setpoints at {} µs", offset);
+        }
     }
 }
