@@ -18,7 +18,7 @@
 
 use super::Layout;
 use super::{Controller, Event, Job, JobKind, Phase, Request, event_sink};
-use crate::machine::{AnalogSource, OutputSwitch};
+use crate::machine::{self, AnalogSource, OutputSwitch};
 use std::collections::VecDeque;
 use std::fmt;
 use std::mem::take;
@@ -363,10 +363,42 @@ impl<const N: usize> Controller<N> {
         (Phase::ReadyToSwitchOn..=Phase::ShutDown).contains(&self.phase)
     }
 
+    /// Whether outputs have their safe values that nobody switches by hand.
+    fn has_safe_outputs(&self) -> bool {
+        self.phase != Phase::Program || self.switches.safe
+    }
+
+    /// Whether an output of the machine, with this index, is on at its terminal.
+    fn puts_on(&self, index: usize, output: &machine::Output) -> bool {
+        match self.switches.by_hand[index] {
+            _ if output.switch == OutputSwitch::EnableChain => self.needs_power(),
+            Some(on) => on,
+            None if self.has_safe_outputs() => output.safe,
+            None => self.switches.functions.is_on(output.switch),
+        }
+    }
+
+    /// What is put out: what the job at work has switched, but wired outputs as they are at their terminals, where they may be
+    /// safe or switched by hand.
+    pub(super) fn put_out(&self) -> MachineFunctions {
+        let mut functions = self.switches.functions;
+        for (index, output) in self.layout.outputs.iter().enumerate() {
+            functions.put(output.switch, self.puts_on(index, output));
+        }
+        for output in &self.layout.analog_outputs {
+            if let AnalogSource::Program(number) = output.source
+                && self.has_safe_outputs()
+            {
+                functions.outputs.analog[usize::from(number)] = output.safe;
+            }
+        }
+        functions
+    }
+
     /// Sets the outputs of devices for the next SYNC.
     pub(super) fn set_outputs(&mut self) {
         let layout = Arc::clone(&self.layout);
-        let is_safe = self.phase != Phase::Program || self.switches.safe;
+        let is_safe = self.has_safe_outputs();
         let switched = self.switches.functions;
         // Typed lines may have left something on, which the next enabling is not to switch on again.
         if self.stays_on && self.phase != Phase::Program && !self.switches.safe {
@@ -376,12 +408,7 @@ impl<const N: usize> Controller<N> {
             self.switches.by_hand.fill(None);
         }
         for (index, output) in layout.outputs.iter().enumerate() {
-            let on = match self.switches.by_hand[index] {
-                _ if output.switch == OutputSwitch::EnableChain => self.needs_power(),
-                Some(on) => on,
-                None if is_safe => output.safe,
-                None => switched.is_on(output.switch),
-            };
+            let on = self.puts_on(index, output);
             let node = &mut self.nodes[output.node];
             node.set_output(output.signal, on != output.active_low);
             // What nobody is known to have been told is not said.

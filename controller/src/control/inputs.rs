@@ -203,9 +203,13 @@ impl<const N: usize> Controller<N> {
                 if let Some(overrides) = self.rests_for_speed() {
                     return self.tell(Event::Waits(Waiting::Override(overrides)));
                 }
-                self.go_on();
-                if self.is_path_held() && !self.executor.wants_speed() {
-                    self.resume_path();
+                // A panel has no other button: an edge ends a pause, or else a hold.
+                match self.awaits_cycle_start() {
+                    true => self.go_on(),
+                    false if self.is_path_held() && !self.executor.wants_speed() => {
+                        self.resume_path();
+                    }
+                    false => {}
                 }
             }
             _ => {}

@@ -175,6 +175,8 @@ pub struct Row<const N: usize> {
     pub axes: [AxisSample; N],
     /// What the program has switched by then.
     pub functions: MachineFunctions,
+    /// The same, but outputs that are wired as they are at their terminals: also safe ones, and those that were switched by hand.
+    pub put_out: MachineFunctions,
     /// What the drive of the spindle measures, if one turns it.
     pub spindle: Option<SpindleSample>,
     /// What the analog inputs are, in the order of the machine file.

@@ -138,8 +138,13 @@ pub enum Refusal {
         "the program was left for typed lines, and nothing leads back from here: resume reads it anew, stop gives it up"
     )]
     SetAside,
-    /// Cycle start ends a pause, and no feed hold.
-    #[error("an operator holds the path: resume goes on")]
+    /// A program that is held has not come to its first block.
+    #[error(
+        "the program is still to begin, with the outputs as they were: stop it, switch, and begin it again"
+    )]
+    NotBegun,
+    /// Cycle start ends a pause, and nothing else that holds the path.
+    #[error("the path is held: resume goes on")]
     FeedHeld,
     /// No axis is homed unless it is named.
     #[error("nothing is to be homed but what an operator homes by hand: name the axes")]
@@ -204,6 +209,10 @@ impl<const N: usize> Controller<N> {
         }
         if order == Order::CycleStart && state == State::Held && !self.awaits_cycle_start() {
             return Err(Refusal::FeedHeld);
+        }
+        // What it begins with was told as it was begun.
+        if matches!(order, Order::Switch { .. }) && self.awaits_instructions() {
+            return Err(Refusal::NotBegun);
         }
         match order {
             Order::FeedHold | Order::ToggleFeedHold if state == State::Homing => {

@@ -158,6 +158,7 @@ impl<const N: usize> Controller<N> {
             plan: self.planned,
             axes: samples,
             functions: self.switches.functions,
+            put_out: self.put_out(),
             spindle: self.sample_spindle(),
             analog_inputs: self.analog_inputs(),
             measured: self.sample_measured(),

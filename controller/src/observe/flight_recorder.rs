@@ -256,7 +256,7 @@ impl FlightRecorder {
             line,
             setpoint: row.axes.map(|axis| axis.set),
             actual: row.axes.map(|axis| axis.act),
-            functions: row.functions,
+            functions: row.put_out,
             spindle: row.spindle,
             measured: row.measured,
             inputs: self.inputs,

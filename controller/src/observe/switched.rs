@@ -45,7 +45,7 @@ impl Switched {
 
     /// Takes what happened at one SYNC.
     pub(super) fn observe(&mut self, row: &Row<COORDINATES>, time: f64) {
-        let functions = row.functions;
+        let functions = row.put_out;
         let programmed = MachineFunctions {
             spindle: functions.spindle.as_programmed(),
             ..functions

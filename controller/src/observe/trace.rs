@@ -68,7 +68,7 @@ impl Trace {
             let sample = &observed.row.axes[coordinate];
             let _ = write!(text, ",{},{}", sample.set, sample.act);
         }
-        write_switched(text, &observed.row.functions);
+        write_switched(text, &observed.row.put_out);
         if self.has_spindle {
             write_spindle(text, observed.row.spindle);
         }

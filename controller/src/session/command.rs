@@ -201,6 +201,14 @@ pub(super) fn by_hand(layout: &Layout, name: &str) -> Result<usize, Refusal> {
     }
 }
 
+/// Which output a command switches by hand, by its place in the machine file, and whether on.
+pub(super) fn switched(layout: &Layout, command: &Command) -> Option<(usize, bool)> {
+    match command {
+        Command::Output { name, on } => Some((by_hand(layout, name).ok()?, *on)),
+        _ => None,
+    }
+}
+
 /// The outputs that there are, for who named another one.
 fn listed(outputs: &[String]) -> String {
     match outputs.is_empty() {

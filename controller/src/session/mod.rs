@@ -47,7 +47,7 @@ use crate::observe::{Observed, Observers};
 use crate::program::{Moves, Programs};
 use crate::run::{CycleReport, Progress, RunError, Timeline};
 use channel::{Inlet, Issued, Outlets};
-use command::by_hand;
+use command::{by_hand, switched};
 use job::Job;
 use jobs::{Begin, Jobs, Resumable};
 use remaining::Remaining;
@@ -384,8 +384,12 @@ impl Desk {
             return Ok(Asked::Order(order.unwrap_or(Order::Nothing)));
         };
         let held = self.job.place(Some(&self.status.setpoint));
+        // Outputs that are ordered already, of which nothing has been told.
+        let waiting = self.waiting.iter().map(|it| &it.issued.command);
+        let ordered = waiting.filter_map(|it| switched(&self.layout, it));
         if begins {
-            let now = self.status.in_effect(&self.layout, self.functions.outputs);
+            let outputs = self.functions.outputs;
+            let now = self.status.in_effect(&self.layout, outputs, ordered);
             if let Some(begin) = jobs.begin(command, &self.status, now, held)? {
                 return Ok(Asked::Begin(Box::new(begin)));
             }

@@ -167,10 +167,20 @@ impl Status {
         }
     }
 
-    /// What is in effect of the machine, of which M-codes have made these `outputs` as far as no signals are wired to them.
-    pub(super) fn in_effect(&self, layout: &Layout, mut outputs: Outputs) -> InEffect {
+    /// What is in effect of the machine, of which M-codes have made these `outputs` as far as no signals are wired to them, once
+    /// the outputs with these indices are `switched`.
+    pub(super) fn in_effect(
+        &self,
+        layout: &Layout,
+        mut outputs: Outputs,
+        switched: impl Iterator<Item = (usize, bool)>,
+    ) -> InEffect {
         let mut coolant = self.coolant;
-        for (output, &on) in layout.outputs.iter().zip(&self.outputs) {
+        let told = self.outputs.iter().copied().enumerate();
+        for (index, on) in told.chain(switched) {
+            let Some(output) = layout.outputs.get(index) else {
+                continue;
+            };
             match output.switch {
                 OutputSwitch::Program(number) => outputs.put(number, on),
                 OutputSwitch::Mist => coolant.mist = on,

@@ -84,7 +84,6 @@ fn where_the_axes_stand_is_known_as_the_machine_gets_ready() {
     assert!(first.contains("X7.000"), "{first}");
 }
 
-/// Stops that fall together are one: whoever gave the other waits for no answer to it.
 /// However late the last event comes, the machine is not switched off before that is done.
 #[test]
 fn the_last_event_is_done_whenever_it_is_due() {
@@ -95,6 +94,50 @@ fn the_last_event_is_done_whenever_it_is_due() {
     }
 }
 
+/// Of outputs the JSON has what is at their terminals: the clamp is safe where it is on, and a hand switches both.
+#[test]
+fn outputs_are_told_as_they_are_at_their_terminals() {
+    let events = ",home,\n,output,flood on\n,output,clamp off\n,output,flood off\n,mdi,G4 P0.1\n";
+    let day = Day::of(&machine_file("mill"), events, &[]);
+    assert_eq!(day.code, 0, "{}", day.told);
+    let states = day.json["switched"].as_array().expect("states");
+    let mut states: Vec<_> = states
+        .iter()
+        .map(|it| (it["coolant"].as_u64(), it["digital_outputs"].to_string()))
+        .collect();
+    states.dedup();
+    let there = |coolant, on: &str| (Some(coolant), on.to_owned());
+    let wanted = [
+        there(0, "[1]"),
+        there(2, "[1]"),
+        there(2, "[]"),
+        there(0, "[]"),
+    ];
+    assert_eq!(states[..4], wanted, "{states:?}");
+}
+
+/// What a program begins with was told as it was begun: no hand switches it while that is held before its first block.
+#[test]
+fn a_program_that_is_held_before_its_first_block_keeps_the_outputs_that_it_began_with() {
+    let folder = Folder::new();
+    let part = "G21 G90 G61\nM64 P1\nM8\nG1 X5 F1500\nG1 X10\nG1 X20\nG1 X0\nM2\n";
+    let part = folder.file("part.ngc", part);
+    for run in ["run,6", "run,"] {
+        let events = format!(
+            "0.5,load,{}\n1.0,{run}\n1.0,feed_hold,\n,output,clamp off\n,resume,\n,cycle_start,\n",
+            part.display()
+        );
+        let day = Day::of(&machine_file("mill"), &events, &[]);
+        day.assert_told(&["refused: the program is still to begin", "going on"]);
+        let states = day.json["switched"].as_array().expect("states");
+        let cuts = states
+            .iter()
+            .any(|it| it["coolant"] == 2 && it["digital_outputs"][0] == 1);
+        assert!(cuts, "{run}: {states:?}");
+    }
+}
+
+/// Stops that fall together are one: whoever gave the other waits for no answer to it.
 #[test]
 fn stops_that_fall_together_hold_up_nothing() {
     for stops in [
