@@ -539,11 +539,20 @@ fn keys_move_nothing_behind_their_list() {
     let folder = Folder::new();
     let mut keys = console_on_a_terminal(&folder.machine("xyz"), "");
     keys.wait_until(|screen| screen.starts_with(" READY"));
+    let part = folder.file("part.ngc", "G0 X50\nM2\n");
+    keys.press(format!(":load {}\r", part.display()).as_bytes());
+    keys.wait_until(|screen| screen.contains("part.ngc"));
     for key in [&b"\x1B[C"[..], b"?", b"\r", b":", b" "] {
         keys.press(b"?");
         keys.wait_until(|screen| !screen.contains("speed "));
+        // It is held, and repeats itself.
         keys.press(key);
         keys.wait_until(|screen| screen.contains("speed "));
+        for _ in 0..20 {
+            thread::sleep(Duration::from_millis(30));
+            keys.press(key);
+        }
+        thread::sleep(Duration::from_secs(1));
     }
     keys.press(b"\x1B[C");
     keys.wait_until(|screen| screen.contains("1.000"));

@@ -44,7 +44,7 @@ const REDRAW: Duration = Duration::from_millis(50);
 /// How often it is looked whether the terminal is still there.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// The longest time from an Enter to its repetition: terminals wait for up to half a second before the first one.
+/// The longest time from a key to its repetition: terminals wait for up to half a second before the first one.
 const REPEATS: Duration = Duration::from_millis(700);
 
 /// What a key does to the screen.
@@ -74,8 +74,9 @@ pub(super) fn listen(
         tell,
         prompt: None,
         held: Vec::new(),
-        entered: None,
+        last: None,
         help: false,
+        closed_list: false,
     };
     let model = Model::new(machine, verbose);
     let (events, view) = (session.subscribe(), session.view());
@@ -148,10 +149,12 @@ struct Keyboard {
     prompt: Option<String>,
     /// Keys that jog for as long as they are held.
     held: Vec<KeyCode>,
-    /// When Enter was pressed last, or repeated itself.
-    entered: Option<Instant>,
+    /// The key that was pressed last, or repeated itself, and when.
+    last: Option<(KeyCode, Instant)>,
     /// The keys are shown, which hides where the axes are.
     help: bool,
+    /// The last key closed their list; while it is held it does nothing else.
+    closed_list: bool,
 }
 
 impl Keyboard {
@@ -184,9 +187,14 @@ impl Keyboard {
 
     /// A key is pressed, repeats itself or is released.
     fn take(&mut self, key: KeyEvent) -> Result<(), NotTaken> {
-        if self.help && key.kind != KeyEventKind::Release {
-            self.list_keys(false);
-            if !self.stops(key) {
+        let repeats = self.is_repeated(key);
+        if key.kind != KeyEventKind::Release {
+            self.closed_list &= repeats;
+            if self.help {
+                self.list_keys(false);
+                self.closed_list = !self.stops(key);
+            }
+            if self.closed_list && !self.stops(key) {
                 return Ok(());
             }
         }
@@ -210,24 +218,31 @@ impl Keyboard {
                 self.command(Command::EndJog(axis))
             }
             (_, KeyEventKind::Release) => Ok(()),
-            _ => self.press(key),
+            _ => self.press(key, repeats),
         }
     }
 
-    fn press(&mut self, key: KeyEvent) -> Result<(), NotTaken> {
+    /// A key is pressed, or `repeats` itself.
+    fn press(&mut self, key: KeyEvent, repeats: bool) -> Result<(), NotTaken> {
         if key.modifiers.contains(KeyModifiers::CONTROL) {
             return match key.code {
                 KeyCode::Char('c') => self.command(super::end_of(self.view.get().state)),
                 _ => Ok(()),
             };
         }
-        let begins = key.code == KeyCode::Enter && self.view.get().state == State::Ready;
-        let repeats = key.code == KeyCode::Enter && self.is_repeated();
         if let Some(text) = self.prompt.take() {
             return self.edit(text, key.code);
         }
-        if begins && repeats {
-            let why = "Enter may only have repeated itself: press it again to begin the program";
+        let sets_going = match (key.code, self.view.get().state) {
+            (KeyCode::Enter, State::Ready) => {
+                Some("Enter may only have repeated itself: press it again to begin the program")
+            }
+            (KeyCode::Char(' '), State::Held) => {
+                Some("space may only have repeated itself: press it again to go on")
+            }
+            _ => None,
+        };
+        if let Some(why) = sets_going.filter(|_| repeats) {
             self.show(Screen::Tell(why.to_owned()));
             return Ok(());
         }
@@ -236,7 +251,11 @@ impl Keyboard {
             KeyCode::Char('?') => self.list_keys(true),
             code => {
                 let wanted = |it: &Command| keys::is_wanted(it, &self.view.get());
-                let command = command(code).filter(wanted);
+                // While what moves still brakes, a space that is held would let it go on.
+                let command = command(code).filter(wanted).map(|it| match it {
+                    Command::ToggleFeedHold if repeats => Command::FeedHold,
+                    it => it,
+                });
                 return command.map_or(Ok(()), |command| self.command(command));
             }
         }
@@ -251,19 +270,23 @@ impl Keyboard {
 
     /// Whether a key stops what moves, which it does also behind the list of the keys.
     fn stops(&self, key: KeyEvent) -> bool {
-        let holds = || self.view.get().state != State::Held;
+        let would_hold = || self.view.get().state != State::Held;
         key.modifiers.contains(KeyModifiers::CONTROL)
             || match command(key.code) {
                 Some(Command::Stop) => true,
-                Some(Command::ToggleFeedHold) => holds(),
+                Some(Command::ToggleFeedHold) => would_hold(),
                 _ => false,
             }
     }
 
-    /// Whether an Enter may be the repetition of another one.
-    fn is_repeated(&mut self) -> bool {
-        let before = self.entered.replace(Instant::now());
-        before.is_some_and(|before| before.elapsed() < REPEATS)
+    /// Whether a key may be the repetition of the same one, which is held.
+    fn is_repeated(&mut self, key: KeyEvent) -> bool {
+        if key.kind == KeyEventKind::Release {
+            self.last.take_if(|(code, _)| *code == key.code);
+            return false;
+        }
+        let before = self.last.replace((key.code, Instant::now()));
+        before.is_some_and(|(code, at)| code == key.code && at.elapsed() < REPEATS)
     }
 
     /// Goes on with what is typed.

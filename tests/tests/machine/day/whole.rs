@@ -747,6 +747,8 @@ fn by_keys_on_a_terminal() {
     ] {
         keys.wait_until(|screen| last_leg(screen).contains(leg));
         await_rest(&mut keys, "HELD", "Z", z);
+        // Sooner, it may be the repetition of the one before.
+        thread::sleep(Duration::from_secs(1));
         keys.press(b" ");
     }
     let screen = keys.wait_until(starts(" STOPPED BY A FAULT"));
