@@ -449,7 +449,8 @@ mod tests {
         drop(blocks);
         let again = vec![1_u8; HEAP / 2];
         std::hint::black_box(&again);
-        assert_eq!(usage().page_faults, before.page_faults);
+        // A page of code may be new; of memory each block would bring 16.
+        assert!(usage().page_faults - before.page_faults < 16);
     }
 
     #[test]

@@ -587,7 +587,7 @@ pub(super) fn join(
 ) {
     // By input: the last axis that has it, and in which order.
     let mut users: Vec<Option<(usize, u32)>> = vec![None; inputs.len()];
-    for (place, table) in tables.into_iter().enumerate() {
+    for (axis, table) in tables.into_iter().enumerate() {
         let Some(HomingTable {
             mut homing,
             switches,
@@ -598,11 +598,11 @@ pub(super) fn join(
         else {
             continue;
         };
-        let name = axes[place].name();
+        let name = axes[axis].name();
         if let (HomingMethod::Switch(search), Some(switches)) = (&mut homing.method, switches) {
-            let sides = axes[place].drives.len();
+            let sides = axes[axis].drives.len();
             if let Some(index) = index.filter(|_| search.by_index) {
-                check_index(log, &axes[place], drives, index);
+                check_index(log, &axes[axis], drives, index);
             }
             if switches.get_ref().len() != sides {
                 log.report(
@@ -612,18 +612,18 @@ pub(super) fn join(
                 );
             }
             for switch in switches.get_ref() {
-                let Some(input) = home_input(log, &axes[place], switch, (inputs, search)) else {
+                let Some(input) = home_input(log, &axes[axis], switch, (inputs, search)) else {
                     continue;
                 };
                 search.inputs.push(input);
-                if let Some((other, order)) = users[input].replace((place, homing.order)) {
+                if let Some((other, order)) = users[input].replace((axis, homing.order)) {
                     search.is_shared = true;
-                    share(log, switch, axes, [other, place], [order, homing.order]);
+                    share(log, switch, axes, [other, axis], [order, homing.order]);
                 }
             }
             if latch.as_ref().is_none_or(|latch| *latch.get_ref()) {
                 let sides = search.inputs.iter().map(|&input| &inputs[input]);
-                let captures = sides.zip(&axes[place].drives).map(|(switch, &drive)| {
+                let captures = sides.zip(&axes[axis].drives).map(|(switch, &drive)| {
                     let captured = capture(switch, drive, drives);
                     if let (None, Some(latch)) = (captured, &latch) {
                         refuse_latch(log, name, latch.span(), switch, &drives[drive]);
@@ -638,7 +638,7 @@ pub(super) fn join(
                     .unwrap_or_default();
             }
         }
-        axes[place].homing = homing;
+        axes[axis].homing = homing;
     }
     for ((input, place), user) in inputs.iter().zip(places).zip(&users) {
         if input.meaning == InputMeaning::Home && user.is_none() {

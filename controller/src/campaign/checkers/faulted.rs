@@ -2,8 +2,8 @@
 //! terminals are, whatever the buses carried. So a device that hears no R_PDO any more, as another master took it out of
 //! NMT Operational, has to be told otherwise.
 //!
-//! Outputs are judged once all devices are known to be of the kind that is expected, as they were started: before, they are
-//! told nothing, and what those make of them.
+//! Outputs are judged once all devices are known to be of the kind that is expected, as they were started: before that they
+//! are told nothing, and their outputs are as the devices themselves set them.
 
 use super::super::interference::{Interference, ToBus, ToDrive};
 use super::{Checker, Found, Scene};

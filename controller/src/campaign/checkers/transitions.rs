@@ -57,11 +57,17 @@ impl Transitions {
         let (Some(now), before) = (now, before.unwrap_or(0)) else {
             return;
         };
-        let name = &scene.machine.drives[drive].name;
+        let spec = &scene.machine.drives[drive];
+        let name = &spec.name;
         let leaps = now > before && before < 3 && now > if before == 1 { 3 } else { before + 1 };
         // A drive that another master has reset begins anew before the controller can know.
         let begun_anew = scene.interferences.iter().any(|(at, what)| {
-            matches!(what, Interference::Bus(_, ToBus::Nmt(..))) && scene.since(*at) < 1.0
+            let Interference::Bus(bus, ToBus::Nmt(command, node)) = what else {
+                return false;
+            };
+            let resets = [nmt::Command::ResetNode, nmt::Command::ResetCommunication];
+            let to_it = *bus == spec.bus && (*node == 0 || *node == spec.node.get());
+            to_it && resets.map(|it| it as u8).contains(command) && scene.since(*at) < 1.0
         });
         if leaps && !begun_anew {
             found.violate(NAME, scene, "a controlword leaps", || {

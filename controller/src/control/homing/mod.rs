@@ -516,7 +516,7 @@ impl<const N: usize> Controller<N> {
                 }
                 Progress::Found => {
                     if how.by_index {
-                        self.take_index(index).map_err(failed)?;
+                        self.take_index(index, how.direction).map_err(failed)?;
                     }
                     self.homing.found |= 1 << index;
                 }
@@ -529,15 +529,12 @@ impl<const N: usize> Controller<N> {
         Ok(())
     }
 
-    /// The index behind the edge that an axis has found counts from now on.
-    fn take_index(&mut self, index: AxisIndex) -> Result<(), HomingFailure> {
+    /// The index behind the edge that an axis has found, searching in this direction, counts from now on.
+    fn take_index(&mut self, index: AxisIndex, direction: f64) -> Result<(), HomingFailure> {
         let axis = &self.layout.axes[index];
         let scaling = &self.layout.devices[axis.drives[0]].scaling;
-        let HomingMethod::Switch(how) = &axis.homing.method else {
-            return Ok(());
-        };
         let up = scaling.direction() == Direction::Positive;
-        let towards = if up { how.direction } else { -how.direction };
+        let towards = if up { direction } else { -direction };
         let near = self.homing.searches[index].take_index(scaling.revolution(), towards)?;
         if let Some(near) = near {
             let distance = near.get() as f64 * scaling.resolution();

@@ -181,11 +181,12 @@ impl Search {
         if near <= edge.uncertainty.get() {
             return Err(too_near(part));
         }
+        let is_near = is_near(part)?;
         *edge = Edge {
             at: Increments::new(index),
             uncertainty: Increments::new(1),
         };
-        Ok(is_near(part)?.then_some(Increments::new(near)))
+        Ok(is_near.then_some(Increments::new(near)))
     }
 
     /// Goes on by a cycle.
