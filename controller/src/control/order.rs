@@ -143,6 +143,11 @@ pub enum Refusal {
         "the program is still to begin, with the outputs as they were: stop it, switch, and begin it again"
     )]
     NotBegun,
+    /// Nothing of a program was gone along that is still to begin.
+    #[error(
+        "the program is still to begin, and nothing leads back: wait until it moves, or stop it"
+    )]
+    NothingBehind,
     /// Cycle start ends a pause, and nothing else that holds the path.
     #[error("the path is held: resume goes on")]
     FeedHeld,
@@ -239,6 +244,7 @@ impl<const N: usize> Controller<N> {
                 return Err(Refusal::Threading);
             }
             Order::Retrace if self.probing.is_active() => return Err(Refusal::Probing),
+            Order::Retrace if self.awaits_instructions() => return Err(Refusal::NothingBehind),
             Order::Retrace if self.reached().is_some_and(StopPoint::leaves_path) => {
                 return Err(Refusal::NoWayBack);
             }

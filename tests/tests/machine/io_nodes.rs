@@ -329,6 +329,8 @@ enum Step {
     Coolant(u8),
     Dwell(u16),
     Move(i8),
+    /// Until P5 has come on and gone off again (M66).
+    Await,
 }
 
 fn step() -> impl Strategy<Value = Step> {
@@ -339,21 +341,27 @@ fn step() -> impl Strategy<Value = Step> {
         2 => (7u8..=9).prop_map(Step::Coolant),
         2 => (5u16..150).prop_map(Step::Dwell),
         2 => (0i8..100).prop_map(Step::Move),
+        1 => Just(Step::Await),
     ]
 }
 
 /// Digital and analog outputs.
 type State = (u16, [i16; 3]);
 
+/// States one after the other, each with the time from the beginning of the one before, if that is known, s.
+type States = Vec<(State, Option<f64>)>;
+
 /// The program, and what it puts out, one state after the other: each with the time from the beginning of the one
-/// before, where only dwells are between them.
-fn programmed(steps: &[Step]) -> (String, Vec<(State, Option<f64>)>) {
+/// before, where only dwells are between them; and which of them begin as soon as what was awaited has come.
+fn programmed(steps: &[Step]) -> (String, States, Vec<usize>) {
     let mut program = "G21 G90 G61 F6000\n".to_owned();
     // A program begins with all off, the clamp, which is active low, too.
     let mut state: State = (0x0200, [0; 3]);
     let mut states = vec![(state, None)];
     let mut with_motion: Vec<Step> = Vec::new();
     let (mut since, mut at) = (None, 0);
+    // As many states as there are where the program awaits last, with nothing behind that takes time.
+    let (mut awaited, mut awaits) = (Vec::new(), None);
     for &step in steps {
         let mut now = Vec::new();
         let mut moves = false;
@@ -382,6 +390,10 @@ fn programmed(steps: &[Step]) -> (String, Vec<(State, Option<f64>)>) {
                 program += &format!("M{code}\n");
                 now.push(step);
             }
+            Step::Await => {
+                program += "M66 P5 L3 Q9\nM66 P5 L4 Q9\n";
+                since = None;
+            }
             Step::Dwell(ms) => {
                 program += &format!("G4 P{}\n", f64::from(ms) / 1e3);
                 since = since.map(|since| since + f64::from(ms) / 1e3);
@@ -394,14 +406,21 @@ fn programmed(steps: &[Step]) -> (String, Vec<(State, Option<f64>)>) {
                 }
             }
         }
+        if moves || matches!(step, Step::Dwell(_) | Step::Await) {
+            awaited.extend(awaits.take().filter(|&begun| begun < states.len()));
+        }
+        if let Step::Await = step {
+            awaits = Some(states.len());
+        }
         now.into_iter().for_each(|step| put_out(&mut state, step));
         since = follow(&mut states, state, since).filter(|_| !moves);
     }
     // What stands at the end has no length otherwise; the end switches spindle and coolant off, before outputs are safe.
     put_out(&mut state, Step::Spindle(None));
     put_out(&mut state, Step::Coolant(9));
+    awaited.extend(awaits.filter(|&begun| begun < states.len()));
     follow(&mut states, state, since.map(|since| since + 0.01));
-    (program + "G4 P0.01\nM2\n", states)
+    (program + "G4 P0.01\nM2\n", states, awaited)
 }
 
 /// What a step makes of the outputs.
@@ -426,7 +445,7 @@ fn put_out(state: &mut State, step: Step) {
         Step::Coolant(7) => state.0 |= 0x04,
         Step::Coolant(8) => state.0 |= 0x08,
         Step::Coolant(_) => state.0 &= !0x0C,
-        Step::Dwell(_) | Step::Move(_) => {}
+        Step::Dwell(_) | Step::Move(_) | Step::Await => {}
     }
 }
 
@@ -453,7 +472,7 @@ fn shown_outputs(rig: &Rig) -> State {
 
 /// A state behind the others, `since` the last one of them began; since when the last of all has been then. What
 /// stands at one place comes with one setpoint, and what does not change anything does not show.
-fn follow(states: &mut Vec<(State, Option<f64>)>, state: State, since: Option<f64>) -> Option<f64> {
+fn follow(states: &mut States, state: State, since: Option<f64>) -> Option<f64> {
     let (last, before) = *states.last().expect("the first one");
     if last == state {
         return since;
@@ -476,15 +495,21 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
 
     /// Whatever a program switches, and wherever: every state comes, in order, and lasts as long as the program dwells
-    /// in it, to one cycle; and whoever looks is shown the same.
+    /// in it, to one cycle, or until what it awaits in it has come; and whoever looks is shown the same.
     #[test]
     fn outputs_come_in_program_order_with_the_dwells_between_them(steps in prop::collection::vec(step(), 0..16)) {
-        let (program, expected) = programmed(&steps);
+        let (program, expected, awaited) = programmed(&steps);
         let mut rig = wired_with(&[FUNCTIONS], &program);
         // Before the first cycle that sends any they are shown as off.
         let mut shown = vec![shown_outputs(&rig)];
+        let mut was_on = None;
         while rig.step() {
             shown.push(shown_outputs(&rig));
+            // P5, which is active low, goes off with every tenth of a second.
+            let is_on = since_off(rig.session.timeline().now()) >= 50;
+            if was_on.replace(is_on) != Some(is_on) {
+                set(&mut rig, PART, !is_on);
+            }
         }
         prop_assert_eq!(rig.end(), Some(End::Finished), "{}{:?}", program, rig.events);
         shown.dedup();
@@ -504,7 +529,16 @@ proptest! {
                 prop_assert!((length - since).abs() <= cycle * 1.01, "{} s, not {}: {}", length, since, program);
             }
         }
+        for place in awaited {
+            let late = since_off(sent[place + 1].0);
+            prop_assert!(late <= 12, "state {} came {} ms behind P5: {}", place, late, program);
+        }
     }
+}
+
+/// Since when P5 of the property is off, or was before it came on, ms.
+fn since_off(now: Instant) -> u64 {
+    now.as_nanos() / 1_000_000 % 100
 }
 
 /// The portal with such a node, staying on, and a spindle's output besides.
@@ -902,4 +936,48 @@ fn enabling_switches_nothing_on() {
     go(&mut rig, Command::Enable);
     assert_eq!(state(&rig), MachineState::Ready);
     assert_eq!(outputs(&mut rig), SAFE);
+}
+
+/// Before the first move nothing leads back, and what the path waits for is still there behind a retrace: an operator, an input, the
+/// confirmation that the program begins in its middle.
+#[test]
+fn a_retrace_where_nothing_leads_back_keeps_what_is_awaited() {
+    let beginnings = [
+        ("M0", None),
+        ("M6 T2", None),
+        ("M66 P5 L3 Q30", None),
+        ("M64 P1\nG4 P0.2\nM1", None),
+        ("G1 X0\nG1 X0", Some(4)),
+    ];
+    for (beginning, from_line) in beginnings {
+        for (retraced, resumed) in [(40, 0), (40, 1), (40, 60), (300, 0), (300, 300), (1, 1)] {
+            let mut rig = staying_on();
+            rig.goes_on = false;
+            rig.command(Command::OptionalStop(SwitchChange::To(true)));
+            set(&mut rig, PART, true);
+            let text = format!("G21 G90 G61 F3000\n{beginning}\nM64 P2\nG1 X5\nM2\n");
+            let file = rig.folder.file("part.ngc", &text);
+            rig.command(Command::Load(file));
+            rig.command(Command::Run { from_line });
+            let steps = |rig: &mut Rig, wake_ups: usize| {
+                (0..wake_ups).for_each(|_| assert!(rig.step()));
+            };
+            steps(&mut rig, retraced);
+            rig.command(Command::Retrace);
+            steps(&mut rig, resumed);
+            rig.command(Command::Resume);
+            steps(&mut rig, 600);
+            let case = format!("{beginning} {retraced} {resumed}: {:?}", rig.events);
+            let at = |rig: &Rig| rig.session.status().setpoint[0];
+            assert!(at(&rig).abs() < 1e-3, "{case}");
+            assert_ne!(state(&rig), MachineState::Ready, "{case}");
+            let clamp_is_off = outputs(&mut rig).0 & 0x0200 != 0;
+            let is_entered = from_line.is_some();
+            assert!(clamp_is_off || is_entered, "{case}");
+            set(&mut rig, PART, false);
+            rig.command(Command::CycleStart);
+            steps(&mut rig, 600);
+            assert!((at(&rig) - 5.0).abs() < 1e-3, "{case}");
+        }
+    }
 }

@@ -71,7 +71,7 @@ fn a_hold_just_before_a_stop_leaves_it_in_place() {
 fn what_is_switched_behind_a_short_last_move_is_switched() {
     let line = Block::Line(0.05, 0.0);
     runs_whole(
-        &Sample::new("G64 P0.5", &[line, Block::ToolChange]),
+        &Sample::new("G64 P0.5", &[line, Block::ToolChange], true),
         Vec::new(),
         0,
     );
@@ -168,9 +168,13 @@ struct Sample {
 }
 
 impl Sample {
-    fn new(mode: &str, blocks: &[Block]) -> Self {
+    /// Of these blocks, at the first of which that moves it goes where it begins; `at_once` it does so before all of them.
+    fn new(mode: &str, blocks: &[Block], at_once: bool) -> Self {
+        const BEGIN: &str = "G0 X100 Y100\n";
+        let mut begun = at_once;
+        let begin = if at_once { BEGIN } else { "" };
         let mut sample = Self {
-            text: format!("G21 G90 G17 {mode} F9000\nG0 X100 Y100\n"),
+            text: format!("G21 G90 G17 {mode} F9000\n{begin}"),
             stops: Vec::new(),
             switches: Vec::new(),
             pulses: Vec::new(),
@@ -186,6 +190,9 @@ impl Sample {
             let known = sample.switches.len();
             if matches!(block, Block::Line(..) | Block::Arc(_)) {
                 sample.switches.append(&mut with_motion);
+                if !std::mem::replace(&mut begun, true) {
+                    sample.text += BEGIN;
+                }
             }
             let text = &mut sample.text;
             let _ = match *block {
@@ -198,7 +205,9 @@ impl Sample {
                     writeln!(text, "G3 X{:.4} Y{:.4} R{radius:.4}", at[0], at[1])
                 }
                 Block::Dwell(time) => {
-                    sample.dwells.push((at, time));
+                    if begun {
+                        sample.dwells.push((at, time));
+                    }
                     rests = rests.map(|so_far| so_far + (time * 1e4).round() / 1e4);
                     writeln!(text, "G4 P{time:.4}")
                 }
@@ -333,15 +342,58 @@ fn mode() -> impl Strategy<Value = &'static str> {
     prop::sample::select(vec!["G61.1", "G61", "G64 P0.02", "G64 P0.5"])
 }
 
-type Case = (&'static str, Vec<Block>, Vec<(When, Act)>, usize);
+/// Who goes back and on, shortly one after the other, also where nothing leads back.
+fn step() -> impl Strategy<Value = (When, Act)> {
+    let when = prop_oneof![
+        3 => (0..40_usize).prop_map(When::Later),
+        1 => Just(When::Later(0)),
+        2 => (0..12_usize).prop_map(When::Rests),
+        1 => (-3.0..1.5_f64).prop_map(|power| When::Slow(10_f64.powf(power))),
+    ];
+    let act = prop_oneof![
+        4 => Just(Act::Order(Order::Retrace)),
+        3 => Just(Act::Order(Order::Resume)),
+        1 => Just(Act::Order(Order::FeedHold)),
+        1 => Just(Act::Order(Order::ToggleFeedHold)),
+        1 => Just(Act::SingleBlock),
+    ];
+    (when, act)
+}
+
+fn mode_blocks() -> impl Strategy<Value = (&'static str, Vec<Block>)> {
+    (mode(), prop::collection::vec(block(), 1..14))
+}
+
+#[derive(Clone, Debug)]
+struct Case {
+    mode: &'static str,
+    blocks: Vec<Block>,
+    at_once: bool,
+    acts: Vec<(When, Act)>,
+    patience: usize,
+}
 
 fn case() -> impl Strategy<Value = Case> {
-    (
-        mode(),
-        prop::collection::vec(block(), 1..14),
-        prop::collection::vec(act(), 0..8),
-        0..60_usize,
-    )
+    let acts = prop::collection::vec(act(), 0..8);
+    (mode_blocks(), acts, 0..60_usize).prop_map(|((mode, blocks), acts, patience)| Case {
+        mode,
+        blocks,
+        at_once: true,
+        acts,
+        patience,
+    })
+}
+
+fn stepped_back_case() -> impl Strategy<Value = Case> {
+    let acts = prop::collection::vec(step(), 1..12);
+    let case = (mode_blocks(), acts, 0..60_usize, any::<bool>());
+    case.prop_map(|((mode, blocks), acts, patience, at_once)| Case {
+        mode,
+        blocks,
+        at_once,
+        acts,
+        patience,
+    })
 }
 
 /// What the machine told that it waits for, one or both.
@@ -448,6 +500,8 @@ fn runs_whole(sample: &Sample, acts: Vec<(When, Act)>, patience: usize) -> usize
     let mut rows = 0;
     // In which row each switch came, and what a person did.
     let (mut switched, mut acted) = (Vec::new(), Vec::new());
+    // The pause that is told, and those that a person has ended.
+    let (mut paused, mut ended) = (None, Vec::new());
     while rig.step() {
         for event in &rig.events[told..] {
             match event {
@@ -455,7 +509,10 @@ fn runs_whole(sample: &Sample, acts: Vec<(When, Act)>, patience: usize) -> usize
                 Event::Held(_) => rests.held = true,
                 Event::Resumed => rests.held = false,
                 Event::Retracing => rests = Rests::default(),
-                Event::Paused { .. } => rests.paused = true,
+                Event::Paused { reason, .. } => {
+                    rests.paused = true;
+                    paused = Some(*reason);
+                }
                 _ => {}
             }
         }
@@ -469,6 +526,11 @@ fn runs_whole(sample: &Sample, acts: Vec<(When, Act)>, patience: usize) -> usize
                 rests.paused &= order != Order::CycleStart;
                 // What comes too late is refused.
                 let obeyed = rig.controller().obey(order);
+                match order {
+                    Order::CycleStart => ended.extend(paused.take()),
+                    Order::Retrace => paused = None,
+                    _ => {}
+                }
                 let stops = rig.controller().state() == State::Stopping;
                 assert!(obeyed.is_ok() || stops, "{obeyed:?}");
             }
@@ -476,13 +538,9 @@ fn runs_whole(sample: &Sample, acts: Vec<(When, Act)>, patience: usize) -> usize
     }
     assert_eq!(rig.end(), Some(End::Finished), "{:?}", rig.events);
     rig.trace().assert_within_limits();
-    let stops = rig.events.iter().filter_map(|event| match event {
-        Event::Paused { reason, .. } => Some(*reason),
-        _ => None,
-    });
-    // Stepped back over, stops come again.
+    // Each was ended by a person, and nothing else has led past it. Stepped back over, stops come again.
     let mut reached = 0;
-    for stop in stops {
+    for stop in ended {
         if sample.stops.get(reached) == Some(&stop) {
             reached += 1;
         } else {
@@ -520,9 +578,17 @@ fn runs_whole(sample: &Sample, acts: Vec<(When, Act)>, patience: usize) -> usize
 }
 
 /// Checks a case: as long as at rest at every point at the least override, and what was commanded.
-fn check((mode, blocks, acts, patience): Case) {
-    let sample = Sample::new(mode, &blocks);
-    let at_rest = runs_whole(&Sample::new("G61.1", &blocks), Vec::new(), 0);
+fn check(case: Case) {
+    let Case {
+        mode,
+        blocks,
+        at_once,
+        acts,
+        patience,
+    } = case;
+    let sample = Sample::new(mode, &blocks, at_once);
+    let at_rest = Sample::new("G61.1", &blocks, at_once);
+    let at_rest = runs_whole(&at_rest, Vec::new(), 0);
     let single_block = acts.iter().any(|(_, act)| matches!(act, Act::SingleBlock));
     let ends = if single_block { blocks.len() } else { 0 };
     let rests = sample.stops.len() + acts.len() + ends;
@@ -544,18 +610,24 @@ fn check((mode, blocks, acts, patience): Case) {
 }
 
 /// The case of a seed: always the same.
-fn case_of(seed: u64) -> Case {
+fn case_of(seed: u64, cases: impl Strategy<Value = Case>) -> Case {
     let mut bytes = [0; 32];
     bytes[..8].copy_from_slice(&seed.to_le_bytes());
     let rng = TestRng::from_seed(RngAlgorithm::ChaCha, &bytes);
     let mut runner = TestRunner::new_with_rng(Config::default(), rng);
-    case().new_tree(&mut runner).expect("a case").current()
+    cases.new_tree(&mut runner).expect("a case").current()
 }
 
 #[test]
 fn whatever_a_person_does_every_stop_is_made() {
     // In 135 the plan is followed from the midst of a braking that its jerk hardly changes.
-    (100..124).chain([135]).map(case_of).for_each(check);
+    let seeds = (100..124).chain([135]);
+    seeds.for_each(|seed| check(case_of(seed, case())));
+}
+
+#[test]
+fn however_a_person_steps_back_every_stop_is_made() {
+    (0..40).for_each(|seed| check(case_of(seed, stepped_back_case())));
 }
 
 /// As long as is wanted: `CASES=1000`, from `SEED=0` on.
@@ -567,9 +639,10 @@ fn whatever_a_person_does_every_stop_is_made_for_long() {
         number.map(|text| text.parse::<u64>().expect("a number"))
     });
     for seed in (seed.unwrap_or(0)..).take(cases.unwrap_or(1000) as usize) {
-        let case = case_of(seed);
-        println!("seed {seed}: {case:?}");
-        check(case);
+        for case in [case_of(seed, case()), case_of(seed, stepped_back_case())] {
+            println!("seed {seed}: {case:?}");
+            check(case);
+        }
     }
 }
 

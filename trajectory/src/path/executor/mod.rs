@@ -10,8 +10,8 @@
 //! a clock that counts cycles, never summed up from setpoint to setpoint.
 //!
 //! A dwell and a mark are never cut: a new plan that takes over while one is under way begins behind
-//! the dwell, and at a mark only once that is [passed](Executor::pass). What is replaced before
-//! them brings them again. Waypoints are counted from the beginning of everything, so that each counts
+//! the dwell, and at a mark only once that is [passed](Executor::pass), or left by a retrace. What is replaced before
+//! them brings them again, and so does a retrace, also where nothing leads back. Waypoints are counted from the beginning of everything, so that each counts
 //! once, however often the path goes over it. Nothing that an operator does can lose one.
 //!
 //! What it is doing is one activity: following the path, retracing it, stopping, holding, jogging or

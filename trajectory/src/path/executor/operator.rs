@@ -143,9 +143,9 @@ impl<const N: usize> Executor<N> {
     /// it comes to rest before.
     fn turn_to(&mut self, turn: Next) {
         let back = matches!(turn, Next::Retrace { .. });
-        if back {
-            // It comes again.
-            self.place.mark = None;
+        if back && self.place.mark.take().is_some() {
+            // It comes again, also where nothing leads back: the path is before it.
+            self.place.item = self.place.item.and_then(|item| item.checked_sub(1));
         }
         self.leave_hold();
         if self.moves() && self.place.backward == back {
