@@ -64,6 +64,34 @@ pub(super) fn is_wanted(command: &Command, status: &Status) -> bool {
     }
 }
 
+/// The longest time from a key to its repetition: terminals wait for up to half a second before the first one.
+pub(super) const REPEATS: Duration = Duration::from_millis(700);
+
+/// What a key's command comes to where the key may only have repeated itself, as it is held: while what moves still brakes,
+/// a space that is held would let it go on, and Enter would end the next pause.
+pub(super) fn of_repeated(command: Command) -> Option<Command> {
+    match command {
+        Command::ToggleFeedHold => Some(Command::FeedHold),
+        Command::CycleStart => None,
+        command => Some(command),
+    }
+}
+
+/// The command of the last key, and when that came.
+#[derive(Debug, Default)]
+struct LastKey(Option<(Command, Instant)>);
+
+impl LastKey {
+    /// What a key's command comes to behind the last one.
+    fn followed_by(&mut self, command: Command, now: Instant) -> Option<Command> {
+        let last = self.0.replace((command.clone(), now));
+        match last {
+            Some((same, at)) if same == command && now - at < REPEATS => of_repeated(command),
+            _ => Some(command),
+        }
+    }
+}
+
 /// Takes apart what a terminal sends.
 #[derive(Debug, Default)]
 struct Decoder {
@@ -153,6 +181,7 @@ impl Drop for Keys {
 fn hand_over(operator: &Operator, view: &StatusView) {
     let mut bytes = [0; 16];
     let mut decoder = Decoder::default();
+    let mut last = LastKey::default();
     loop {
         let asked = Instant::now();
         let count = match read(stdin(), &mut bytes) {
@@ -165,6 +194,9 @@ fn hand_over(operator: &Operator, view: &StatusView) {
             return;
         }
         for command in decoder.commands(&bytes[..count]) {
+            let Some(command) = last.followed_by(command, Instant::now()) else {
+                continue;
+            };
             if !is_wanted(&command, &view.get()) {
                 continue;
             }
@@ -199,6 +231,25 @@ mod tests {
             assert_eq!(decoder.commands(&[]).next(), None);
         }
         keys
+    }
+
+    #[test]
+    fn a_key_that_is_held_lets_nothing_go() {
+        let begin = Instant::now();
+        let mut last = LastKey::default();
+        let mut at = |ms, command| last.followed_by(command, begin + Duration::from_millis(ms));
+        let space = || Command::ToggleFeedHold;
+        assert_eq!(at(0, space()), Some(space()));
+        for ms in [500, 530, 1_200] {
+            assert_eq!(at(ms, space()), Some(Command::FeedHold), "{ms}");
+        }
+        assert_eq!(at(2_000, space()), Some(space()));
+        assert_eq!(at(2_010, Command::Stop), Some(Command::Stop));
+        assert_eq!(at(2_020, space()), Some(space()));
+        assert_eq!(at(2_030, Command::CycleStart), Some(Command::CycleStart));
+        assert_eq!(at(2_530, Command::CycleStart), None);
+        assert_eq!(at(2_560, Command::CycleStart), None);
+        assert_eq!(at(3_300, Command::CycleStart), Some(Command::CycleStart));
     }
 
     #[test]

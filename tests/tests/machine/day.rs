@@ -611,24 +611,31 @@ fn a_key_that_is_held_jogs_until_it_is_released() {
     let _ = terminal.end();
 }
 
-/// The last stop of a program is ended by an Enter that repeats itself, as that of a finger that stays on the key.
+/// A stop of a program is ended by an Enter that repeats itself, as that of a finger that stays on the key: not the next one as
+/// well, and behind the last one no other program is begun.
 #[test]
-fn an_enter_that_repeats_itself_begins_no_program() {
+fn an_enter_that_repeats_itself_ends_one_stop_and_begins_no_program() {
     let folder = Folder::new();
     let machine = folder.machine("portal");
-    let part = folder.file("part.ngc", "G91 G1 X5 F12000\nM0\nM2\n");
+    let part = folder.file("part.ngc", "G91 G1 X5 F12000\nM0\nG1 X2\nM6 T3\nM2\n");
     let mut terminal = console_on_a_terminal(&machine, "");
     terminal.wait_until(|screen| screen.contains("READY"));
     terminal.press(format!(":load {}\r", part.display()).as_bytes());
     thread::sleep(Duration::from_secs(1));
     terminal.press(b"\r");
     terminal.wait_until(|screen| screen.contains("HELD"));
-    for _ in 0..100 {
-        terminal.press(b"\r");
-        thread::sleep(Duration::from_millis(30));
+    for (said, state) in [
+        ("press it again to go on", "HELD"),
+        ("press it again to begin", "READY"),
+    ] {
+        thread::sleep(Duration::from_secs(1));
+        for _ in 0..100 {
+            terminal.press(b"\r");
+            thread::sleep(Duration::from_millis(30));
+        }
+        let screen = terminal.wait_until(|screen| screen.contains(said));
+        assert!(screen.contains(state), "{screen}");
     }
-    let screen = terminal.wait_until(|screen| screen.contains("press it again"));
-    assert!(screen.contains("READY"), "{screen}");
     terminal.press(b":switch_off\r");
     let _ = terminal.end();
 }

@@ -2,6 +2,8 @@
 //! path stays the programmed one and every axis inside its limits, by the trace.
 
 use std::path::Path;
+use std::thread::sleep;
+use std::time::Duration;
 use syncline_controller::control::{End, Event, Hold, Order};
 use syncline_controller::session::Command;
 use syncline_tests::command::{Folder, ended, syncline};
@@ -466,13 +468,18 @@ fn keys_on_a_terminal() {
     terminal.wait_for("ready");
     for (key, answer) in [
         (" ", "held on the path"),
+        // Sooner it would be the repetition of a key that is held.
+        ("wait", ""),
         (" ", "going on"),
         ("b", "held on the path"),
         ("+-><", ""),
         (" ", "going on"),
         ("q", "interrupted: stopping on the path"),
     ] {
-        terminal.press(key.as_bytes());
+        match key {
+            "wait" => sleep(Duration::from_millis(800)),
+            key => terminal.press(key.as_bytes()),
+        }
         if !answer.is_empty() {
             terminal.wait_for(answer);
         }

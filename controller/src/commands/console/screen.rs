@@ -44,9 +44,6 @@ const REDRAW: Duration = Duration::from_millis(50);
 /// How often it is looked whether the terminal is still there.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// The longest time from a key to its repetition: terminals wait for up to half a second before the first one.
-const REPEATS: Duration = Duration::from_millis(700);
-
 /// What a key does to the screen.
 enum Screen {
     /// Whether the terminal tells when a key is released: with that drawing begins.
@@ -237,6 +234,9 @@ impl Keyboard {
             (KeyCode::Enter, State::Ready) => {
                 Some("Enter may only have repeated itself: press it again to begin the program")
             }
+            (KeyCode::Enter, State::Held) => {
+                Some("Enter may only have repeated itself: press it again to go on")
+            }
             (KeyCode::Char(' '), State::Held) => {
                 Some("space may only have repeated itself: press it again to go on")
             }
@@ -251,10 +251,9 @@ impl Keyboard {
             KeyCode::Char('?') => self.list_keys(true),
             code => {
                 let wanted = |it: &Command| keys::is_wanted(it, &self.view.get());
-                // While what moves still brakes, a space that is held would let it go on.
-                let command = command(code).filter(wanted).map(|it| match it {
-                    Command::ToggleFeedHold if repeats => Command::FeedHold,
-                    it => it,
+                let command = command(code).filter(wanted).and_then(|it| match repeats {
+                    true => keys::of_repeated(it),
+                    false => Some(it),
                 });
                 return command.map_or(Ok(()), |command| self.command(command));
             }
@@ -286,7 +285,7 @@ impl Keyboard {
             return false;
         }
         let before = self.last.replace((key.code, Instant::now()));
-        before.is_some_and(|(code, at)| code == key.code && at.elapsed() < REPEATS)
+        before.is_some_and(|(code, at)| code == key.code && at.elapsed() < keys::REPEATS)
     }
 
     /// Goes on with what is typed.

@@ -763,6 +763,7 @@ fn by_keys_on_a_terminal() {
     keys.wait_until(|screen| screen.contains("line 4: begins with"));
     keys.wait_until(starts(" HELD"));
     for leg in ["takes Z to 10.000", "takes X to", "where the path goes on"] {
+        take_time();
         keys.press(b"\r");
         // It is told by what plans the way, before the cycle rests for it.
         keys.wait_until(|screen| {
@@ -770,6 +771,7 @@ fn by_keys_on_a_terminal() {
             told.contains(leg) && told.contains("waits for cycle start")
         });
     }
+    take_time();
     keys.press(b"\r");
     await_rest(&mut keys, "READY", "X", 0.0);
     // Another program, and off.
@@ -842,6 +844,7 @@ fn by_keys_at_a_portal() {
     let screen = keys.wait_until(|screen| screen.starts_with(" HELD "));
     assert!(!screen.contains("feed hold: held"), "{screen}");
     keys.wait_until(|screen| screen.matches("the feed override is 0").count() >= 2);
+    take_time();
     keys.press(b"\r");
     keys.wait_until(|screen| screen.matches("the feed override is 0").count() >= 3);
     keys.press(b":feed_override 100\r");
