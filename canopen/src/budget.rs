@@ -33,6 +33,9 @@ use crate::response_time::{Message, bit_time, worst_case, worst_case_bits};
 use core::fmt;
 use core::time::Duration;
 
+/// A frame with a standard identifier and eight bytes, without stuff bits, and the intermission behind it.
+const PLAIN_BITS: u32 = 111;
+
 /// The longest frame that anyone may put on the bus unasked: 8 data bytes, standard identifier.
 pub const BLOCKING_BITS: u32 = worst_case_bits(CanId::Standard(0), 8);
 
@@ -208,6 +211,18 @@ impl Budget {
     #[must_use]
     pub fn request_out(&self, setpoint_offset: Duration) -> Duration {
         setpoint_offset + bit_time(self.r_pdo_bits + 2 * BLOCKING_BITS, self.bit_rate)
+    }
+
+    /// A frame of eight bytes without a stuff bit.
+    #[must_use]
+    pub fn plain_frame(&self) -> Duration {
+        bit_time(PLAIN_BITS, self.bit_rate)
+    }
+
+    /// After SYNC's instant, when the answer to such a request has come, of a node that takes `response` at most to queue it.
+    #[must_use]
+    pub fn answer_out(&self, setpoint_offset: Duration, response: Duration) -> Duration {
+        self.request_out(setpoint_offset) + response + bit_time(BLOCKING_BITS, self.bit_rate)
     }
 }
 

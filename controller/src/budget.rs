@@ -37,6 +37,10 @@ pub struct BusBudget {
     /// By how much SYNC may come late for the clocks of all its drives to follow it, if any has one that
     /// does.
     pub sync_tolerance: Option<Duration>,
+    /// The longest time that one of its devices takes to answer a request by SDO.
+    pub sdo_response: Duration,
+    /// From SYNC to the setpoints, which leave all buses at once.
+    pub setpoint_offset: Duration,
     /// Its devices that are asked by SDO while axes move, so that a frame more than the PDOs has to fit every
     /// cycle, and each has its turn often enough.
     pub polled: Vec<String>,
@@ -87,22 +91,24 @@ pub enum DoesNotFit {
     /// The SDO requests while SYNC runs, which ask whether a drive's clock follows it, would keep it from
     /// that.
     #[error(
-        "bus {bus}: a request by SDO behind the setpoints is out {} after SYNC, in a cycle of {}: the next \
-         SYNC waits up to {} for it, and its drives' clocks follow one that is {} late; take a longer \
-         cycle, a higher bit rate or another bus for some of the drives",
-        Millis(*.request_out), Millis(*.cycle), Millis(*.blocking), Millis(*.tolerance)
+        "bus {bus}: the answer to a request by SDO behind the setpoints is out {} after SYNC, in a cycle of {}: the next \
+         SYNC waits up to {} for it, and its drives' clocks follow one that is {} late: {advice}; or put some \
+         of the drives on another bus",
+        Millis(*.answer_out), Millis(*.cycle), Millis(*.blocking), Millis(*.tolerance)
     )]
     Requests {
         /// As the machine file names it.
         bus: String,
-        /// When a request is out, after SYNC.
-        request_out: Duration,
+        /// When the answer to a request is out, after SYNC.
+        answer_out: Duration,
         /// From there on it is in the way of SYNC …
         cycle: Duration,
         /// … for so long …
         blocking: Duration,
         /// … and not longer may it be.
         tolerance: Duration,
+        /// What would fit.
+        advice: String,
     },
     /// Devices are polled while axes move, and the request for one or its answer may be in the way of SYNC or the setpoints.
     #[error(
@@ -220,7 +226,8 @@ impl MachineBudget {
         let stated = machine.controller.setpoint_offset;
         let setpoint_offset = stated.unwrap_or_else(|| default_offset(&buses));
         for bus in &mut buses {
-            bus.verdict = verdict(&bus.budget, setpoint_offset, bus.sync_tolerance);
+            bus.setpoint_offset = setpoint_offset;
+            bus.verdict = bus.requests().verdict(&bus.budget, setpoint_offset);
         }
         Self {
             setpoint_offset,
@@ -273,18 +280,7 @@ impl MachineBudget {
         }
         self.check_offset()?;
         for bus in &self.buses {
-            bus.check_polls(self.setpoint_offset)?;
-            if let Some(tolerance) = bus.sync_tolerance
-                && requests_delay_sync(&bus.budget, self.setpoint_offset, tolerance)
-            {
-                return Err(DoesNotFit::Requests {
-                    bus: bus.bus.clone(),
-                    request_out: bus.budget.request_out(self.setpoint_offset),
-                    cycle: bus.budget.cycle,
-                    blocking: bus.budget.sync_jitter,
-                    tolerance,
-                });
-            }
+            bus.check_requests(self.setpoint_offset)?;
         }
         Ok(())
     }
@@ -304,6 +300,12 @@ impl MachineBudget {
         }
         let offset = self.setpoint_offset;
         if !(earliest..=latest).contains(&offset) {
+            // What has no room whenever setpoints leave is not helped by another offset.
+            for bus in &self.buses {
+                if bus.check_requests(earliest_offset(&bus.budget)).is_err() {
+                    bus.check_requests(offset)?;
+                }
+            }
             let which = if offset < earliest { last } else { first };
             return Err(DoesNotFit::Offset {
                 bus: which.bus.clone(),
@@ -349,14 +351,34 @@ struct Requests {
     polls: bool,
     /// How far SYNC may come late to the drives whose clocks follow it.
     sync_tolerance: Option<Duration>,
+    /// The longest time that a device takes to answer.
+    response: Duration,
 }
 
 impl Requests {
     /// Whether requests are in nobody's way behind setpoints that leave at that offset.
     fn have_room(self, budget: &Budget, offset: Duration) -> bool {
-        let delays = |most| requests_delay_sync(budget, offset, most);
-        (!self.polls || has_room_for_poll(budget, offset))
-            && !self.sync_tolerance.is_some_and(delays)
+        (!self.polls || has_room_for_poll(budget, offset)) && !self.delay_sync(budget, offset)
+    }
+
+    /// Whether a request by SDO that leaves behind setpoints at that offset, or its answer, may keep SYNC from the drives for
+    /// longer than their clocks follow.
+    fn delay_sync(self, budget: &Budget, offset: Duration) -> bool {
+        self.sync_tolerance.is_some_and(|tolerance| {
+            let request_delays = budget.request_out(offset) > budget.cycle;
+            // Answers come seldom that are as long as a frame can be.
+            let answer_delays = budget.answer_out(offset, self.response) > budget.cycle;
+            budget.sync_jitter > tolerance && request_delays
+                || budget.plain_frame() > tolerance && answer_delays
+        })
+    }
+
+    /// Whether a bus fits with setpoints that leave at that offset.
+    fn verdict(self, budget: &Budget, offset: Duration) -> Verdict {
+        match self.delay_sync(budget, offset) {
+            true => Verdict::DoesNotFit,
+            false => budget.verdict,
+        }
     }
 
     /// The last whole microsecond at which the setpoints of a bus may leave: so early that requests have room, where that can be.
@@ -422,21 +444,6 @@ fn long_turn(devices: usize, transfers: usize, cycle: Duration) -> Option<Durati
     (devices > transfers && turn > LONGEST_TURN).then_some(turn)
 }
 
-/// Whether a request by SDO that leaves behind the setpoints may keep SYNC from the drives for longer than
-/// their clocks follow.
-fn requests_delay_sync(budget: &Budget, setpoint_offset: Duration, tolerance: Duration) -> bool {
-    budget.sync_jitter > tolerance && budget.request_out(setpoint_offset) > budget.cycle
-}
-
-/// Whether a bus fits with setpoints that leave at that offset.
-fn verdict(budget: &Budget, setpoint_offset: Duration, tolerance: Option<Duration>) -> Verdict {
-    let delays = |tolerance| requests_delay_sync(budget, setpoint_offset, tolerance);
-    match tolerance.is_some_and(delays) {
-        true => Verdict::DoesNotFit,
-        false => budget.verdict,
-    }
-}
-
 impl BusBudget {
     fn of(machine: &Machine, bus: usize) -> Self {
         let places: Vec<usize> = (machine.nodes().enumerate())
@@ -478,6 +485,7 @@ impl BusBudget {
             let requests = Requests {
                 polls: polled > 0,
                 sync_tolerance,
+                response: answer,
             };
             let transfers = transfers(&budget, traffic.nodes.len().max(1));
             let has_turns = long_turn(polled, transfers, budget.cycle).is_none();
@@ -531,6 +539,8 @@ impl BusBudget {
             load: budget.load + sdo,
             sdo_per_cycle,
             sync_tolerance,
+            sdo_response: answer,
+            setpoint_offset: budget.setpoint_offset,
             verdict: budget.verdict,
             typical_load: typical_load(machine, &nodes, traffic.bit_rate),
             smallest_cycle,
@@ -547,10 +557,40 @@ impl BusBudget {
         Requests {
             polls: !self.polled.is_empty(),
             sync_tolerance: self.sync_tolerance,
+            response: self.sdo_response,
         }
     }
 
-    /// Whether what is asked by SDO while axes move has room, and its turn often enough.
+    /// After SYNC, the first and the last instant at which its setpoints may leave: T_PDOs are in, and requests by SDO have room,
+    /// where that can be.
+    #[must_use]
+    pub fn offsets(&self) -> [Duration; 2] {
+        [
+            earliest_offset(&self.budget),
+            self.requests().latest_offset(&self.budget),
+        ]
+    }
+
+    /// Whether requests by SDO are in nobody's way behind setpoints that leave at that offset, and each device that is asked
+    /// while axes move has its turn often enough.
+    fn check_requests(&self, setpoint_offset: Duration) -> Result<(), DoesNotFit> {
+        self.check_polls(setpoint_offset)?;
+        let budget = &self.budget;
+        match self.sync_tolerance {
+            Some(tolerance) if self.requests().delay_sync(budget, setpoint_offset) => {
+                Err(DoesNotFit::Requests {
+                    bus: self.bus.clone(),
+                    answer_out: budget.answer_out(setpoint_offset, self.sdo_response),
+                    cycle: budget.cycle,
+                    blocking: budget.sync_jitter,
+                    tolerance,
+                    advice: self.other_cycle(),
+                })
+            }
+            _ => Ok(()),
+        }
+    }
+
     fn check_polls(&self, setpoint_offset: Duration) -> Result<(), DoesNotFit> {
         let Self { budget, polled, .. } = self;
         let (bus, devices, cycle) = (self.bus.clone(), polled.join(", "), budget.cycle);
@@ -602,8 +642,11 @@ impl BusBudget {
         let cycle = self.other_cycle();
         let budgets = self.traffic.on_two_buses().map(|half| half.budget());
         let [most, _] = &budgets;
-        let verdicts = (budgets.each_ref())
-            .map(|half| verdict(half, half.setpoint_offset, self.sync_tolerance));
+        let requests = self.requests();
+        let verdicts = (budgets.each_ref()).map(|half| {
+            let window = [earliest_offset(half), requests.latest_offset(half)];
+            requests.verdict(half, offset_within(window, half.setpoint_offset))
+        });
         let verdict = match verdicts.contains(&Verdict::DoesNotFit) {
             true => Verdict::DoesNotFit,
             false => verdicts[0],
@@ -737,6 +780,7 @@ impl fmt::Display for BusBudget {
         } else {
             "; an EMCY makes a T_PDO or a setpoint of its cycle late, which is counted"
         };
+        let [earliest, latest] = self.offsets();
         let burst = Millis(bit_time(budget.r_pdo_bits, budget.bit_rate));
         let share = |time: Duration| time.as_secs_f64() / budget.cycle.as_secs_f64();
         for (name, value) in [
@@ -755,9 +799,9 @@ impl fmt::Display for BusBudget {
                 "setpoint offset",
                 format!(
                     "{} after SYNC, {}…{} hold; the burst takes {burst}{emcy}",
-                    Millis(budget.setpoint_offset),
-                    Millis(budget.t_pdos_in),
-                    Millis(budget.latest_offset)
+                    Millis(self.setpoint_offset),
+                    Millis(earliest),
+                    Millis(latest)
                 ),
             ),
             (
@@ -1044,7 +1088,7 @@ mod tests {
         }
     }
 
-    /// Three drives at 250 kbit/s: their requests were let stand in the way of one SYNC after the other.
+    /// Three drives at 250 kbit/s: requests, or their answers, were let stand in the way of one SYNC after the other.
     #[test]
     fn a_slow_bus_without_room_for_a_request_is_refused() {
         let machine = |cycle_us| {
@@ -1055,21 +1099,22 @@ mod tests {
         let refused = MachineBudget::of(&machine(4000)).check().unwrap_err();
         assert_eq!(
             refused.to_string(),
-            "bus one: a request by SDO behind the setpoints is out 5.080 ms after SYNC, in a cycle of \
-             4.000 ms: the next SYNC waits up to 0.540 ms for it, and its drives' clocks follow one that \
-             is 0.250 ms late; take a longer cycle, a higher bit rate or another bus for some of the drives"
+            "bus one: the answer to a request by SDO behind the setpoints is out 6.620 ms after SYNC, in a cycle of \
+             4.000 ms: the next SYNC waits up to 0.540 ms for it, and its drives' clocks follow one that is \
+             0.250 ms late: the least cycle that fits is 7.000 ms; or put some of the drives on another bus"
         );
         // What `budget` prints says the same.
         let [bus] = &MachineBudget::of(&machine(4000)).buses[..] else {
             panic!("one bus");
         };
         assert_eq!(bus.verdict, Verdict::DoesNotFit);
-        assert_eq!(bus.smallest_cycle, Some(Duration::from_millis(5)));
+        assert_eq!(bus.smallest_cycle, Some(Duration::from_millis(7)));
         assert!(
             bus.to_string().starts_with("bus one: does not fit\n"),
             "{bus}"
         );
         // With setpoints that leave earlier than it would have them otherwise.
-        assert_eq!(MachineBudget::of(&machine(5000)).check(), Ok(()));
+        assert_eq!(MachineBudget::of(&machine(7000)).check(), Ok(()));
+        assert!(MachineBudget::of(&machine(6000)).check().is_err());
     }
 }

@@ -83,6 +83,7 @@ fn bus_json(bus: &BusBudget) -> Value {
         "t_pdos_in_us": micros(budget.t_pdos_in),
         "setpoint_offset_us": micros(budget.setpoint_offset),
         "latest_offset_us": micros(budget.latest_offset),
+        "offsets_us": bus.offsets().map(micros),
         "burst_out_us": micros(budget.burst_out),
         "outlasts_emcy": budget.outlasts_emcy,
         "quiet_window_us": micros(budget.quiet_window),
