@@ -537,3 +537,32 @@ pub enum Fault {
     #[error("nobody wants the program any more: run it again")]
     Abandoned,
 }
+
+impl Fault {
+    /// Whether a block is wrong by how it is written, whatever was before it.
+    #[must_use]
+    pub fn is_misspelling(&self) -> bool {
+        matches!(
+            self,
+            Self::LineTooLong { .. }
+                | Self::Character(_)
+                | Self::Comma(_)
+                | Self::Commas
+                | Self::Number(_)
+                | Self::UnclosedComment
+                | Self::NestedComment
+                | Self::UnclosedName
+                | Self::EmptyName
+                | Self::Statement { .. }
+                | Self::Expected { .. }
+                | Self::TooDeep { .. }
+                | Self::LineNumberPlace
+                | Self::FlowPlace
+                | Self::NoSuchAxis { .. }
+                | Self::UnknownCode(_)
+                | Self::Unsupported { .. }
+                | Self::DuplicateWord { .. }
+                | Self::Conflict { .. }
+        )
+    }
+}

@@ -1,7 +1,8 @@
-//! What a program does to a machine, looked at before it runs: which axes it homes first, leaves where they are, or whether
-//! it moves any.
+//! What a program does to a machine, looked at before it runs: which axes it homes first, leaves where they are, whether
+//! it moves any, or what is misspelt in it.
 
-use super::Program;
+use super::mistakes::Mistakes;
+use super::{Program, ProgramError, Source};
 use crate::machine::{COORDINATES, Position};
 use syncline_gcode::{self as gcode, Action, AxisLetter, AxisSet, Output, Tables};
 
@@ -98,6 +99,31 @@ impl Program {
             }
         }
         !interpreter.awaits_machine() && interpreter.next().is_none()
+    }
+
+    /// What is misspelt in its first commands, of lines that are typed in: it is wrong wherever the machine stands and whatever the
+    /// modes are in which they begin. Of lines with parameters, whose values are not known, nothing is said.
+    #[must_use]
+    pub fn misspelling(&self) -> Option<ProgramError> {
+        let is_plain = matches!(&self.source, Source::Lines(text) if !text.contains('#'));
+        let (mut interpreter, _) = self
+            .interpret([0.0; COORDINATES])
+            .ok()
+            .filter(|_| is_plain)?;
+        for _ in 0..MOST_STILL {
+            let Err(error) = interpreter.next()? else {
+                continue;
+            };
+            if error.fault.is_misspelling() {
+                let mut mistakes = Mistakes::default();
+                mistakes.add(error);
+                return Some(ProgramError::Blocks(mistakes));
+            }
+            if !interpreter.go_on(&error) {
+                return None;
+            }
+        }
+        None
     }
 
     /// Of the axes that are `asked` about those that it leaves where they are, at a machine that stands `here`, and for

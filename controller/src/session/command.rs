@@ -156,6 +156,9 @@ pub enum Refusal {
     /// There is but one program, and it was given.
     #[error("the machine is on for one program: lines and offsets are for the console")]
     OneProgram,
+    /// Lines are misspelt that were typed in where a program is held.
+    #[error("{0}\nnothing of it is begun, and the program is held as before")]
+    Misspelt(String),
     /// Neither offset nor length is to be set.
     #[error("no axis is named: say which ones, as in X0 Y0")]
     NoAxis,

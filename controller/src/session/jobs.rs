@@ -232,6 +232,10 @@ impl Jobs {
             _ => return Ok(None),
         };
         let is_beside = kind == JobKind::Mdi && status.state == State::Held;
+        // For lines that are misspelt the program that is held is not set aside.
+        if is_beside && let Some(mistake) = program.misspelling() {
+            return Err(Refusal::Misspelt(mistake.to_string()));
+        }
         let program = match is_beside {
             true => self.beside(program, held, status.line),
             false => program,
