@@ -89,6 +89,11 @@ impl Job {
         self.rests_for = Some(line);
     }
 
+    /// The path goes back from where it waited: it is before that now.
+    pub(super) fn steps_back(&mut self) {
+        self.rests_for = None;
+    }
+
     /// Where the machine stood when the program began, and where to resume the program so that nothing of its path is
     /// left out: where the path rests `at`, or, where axes may not have followed to there, from the first of the
     /// moves at the last rows on.

@@ -47,7 +47,7 @@ use crate::observe::{Observed, Observers};
 use crate::program::{Moves, Programs};
 use crate::run::{CycleReport, Progress, RunError, Timeline};
 use channel::{Inlet, Issued, Outlets};
-use command::{by_hand, switched};
+use command::by_hand;
 use job::Job;
 use jobs::{Begin, Jobs, Resumable};
 use remaining::Remaining;
@@ -384,9 +384,8 @@ impl Desk {
             return Ok(Asked::Order(order.unwrap_or(Order::Nothing)));
         };
         let held = self.job.place(Some(&self.status.setpoint));
-        // Outputs that are ordered already, of which nothing has been told.
-        let waiting = self.waiting.iter().map(|it| &it.issued.command);
-        let ordered = waiting.filter_map(|it| switched(&self.layout, it));
+        // What is ordered already, and has not taken effect.
+        let ordered = self.waiting.iter().map(|it| &it.issued.command);
         if begins {
             let outputs = self.functions.outputs;
             let now = self.status.in_effect(&self.layout, outputs, ordered);
@@ -394,23 +393,20 @@ impl Desk {
                 return Ok(Asked::Begin(Box::new(begin)));
             }
         }
-        match command {
+        let order = match command {
             Command::Load(file) => {
                 jobs.load(file, state)?;
                 self.show_programs();
-                Ok(Asked::Order(Order::Nothing))
+                None
             }
             Command::GoTo(positions) => {
                 let here = Point(self.status.setpoint);
                 let to = self.status.coordinates().place(positions, here);
-                let order = self.settings.order(&Command::Jog(Jog::Line(to)));
-                Ok(Asked::Order(order.unwrap_or(Order::Nothing)))
+                self.settings.order(&Command::Jog(Jog::Line(to)))
             }
-            _ => {
-                let order = self.settings.order(command);
-                Ok(Asked::Order(order.unwrap_or(Order::Nothing)))
-            }
-        }
+            _ => self.settings.order(command),
+        };
+        Ok(Asked::Order(order.unwrap_or(Order::Nothing)))
     }
 
     /// Keeps a command until it takes effect; its number.
@@ -582,6 +578,7 @@ impl Desk {
                     control::Event::Fault(fault) => self.stopped_by(fault),
                     control::Event::JobOver { job, outcome } => self.ended(job, outcome),
                     control::Event::Paused { line, .. } => self.job.pauses(line),
+                    control::Event::Retracing => self.job.steps_back(),
                     control::Event::Probed { line, .. }
                     | control::Event::Threaded { line, .. }
                     | control::Event::ProgramHomed { line } => {

@@ -1,6 +1,7 @@
 //! How things are: one snapshot, replaced at most once a cycle.
 
-use super::Settings;
+use super::command::switched;
+use super::{Command, Settings};
 use crate::control::{Layout, MeasuredSample, Phase, SpindleSample, State, Waiting};
 use crate::machine::{AnalogSource, COORDINATES, MEASURED, OutputSwitch};
 use serde::{Deserialize, Serialize};
@@ -53,7 +54,7 @@ pub struct Status {
     pub waits: bool,
     /// What the job waits for, where nothing moves and no operator holds it.
     pub waiting: Option<Waiting>,
-    /// Axes are jogged away from the path, or go back to it.
+    /// Axes are jogged away from the path, or go back to it, or a program homes them.
     pub off_path: bool,
     /// Path speed that is asked for, after overrides, mm/s or °/s; `None` for a rapid.
     pub feed: Option<f64>,
@@ -168,19 +169,35 @@ impl Status {
     }
 
     /// What is in effect of the machine, of which M-codes have made these `outputs` as far as no signals are wired to them, once
-    /// the outputs with these indices are `switched`.
-    pub(super) fn in_effect(
+    /// what is `ordered` has taken effect.
+    pub(super) fn in_effect<'a>(
         &self,
         layout: &Layout,
         mut outputs: Outputs,
-        switched: impl Iterator<Item = (usize, bool)>,
+        ordered: impl Iterator<Item = &'a Command>,
     ) -> InEffect {
-        let mut coolant = self.coolant;
-        let told = self.outputs.iter().copied().enumerate();
-        for (index, on) in told.chain(switched) {
-            let Some(output) = layout.outputs.get(index) else {
-                continue;
-            };
+        let Self {
+            mut coolant,
+            mut spindle,
+            ..
+        } = *self;
+        // What is put out at the terminals, as far as it was told.
+        let mut digital = self.outputs.clone();
+        let mut analog = self.analog_outputs.clone();
+        for command in ordered {
+            if let Some((index, on)) = switched(layout, command)
+                && let Some(output) = digital.get_mut(index)
+            {
+                *output = on;
+            }
+            if *command == Command::Stop {
+                (outputs, coolant) = (Outputs::default(), Coolant::default());
+                spindle = spindle.stopped();
+                digital = layout.outputs.iter().map(|it| it.safe).collect();
+                analog = layout.analog_outputs.iter().map(|it| it.safe).collect();
+            }
+        }
+        for (output, on) in layout.outputs.iter().zip(digital) {
             match output.switch {
                 OutputSwitch::Program(number) => outputs.put(number, on),
                 OutputSwitch::Mist => coolant.mist = on,
@@ -190,14 +207,14 @@ impl Status {
                 | OutputSwitch::EnableChain => {}
             }
         }
-        for (output, &value) in layout.analog_outputs.iter().zip(&self.analog_outputs) {
+        for (output, value) in layout.analog_outputs.iter().zip(analog) {
             if let AnalogSource::Program(number) = output.source {
                 outputs.analog[usize::from(number)] = value;
             }
         }
         InEffect {
             tool: self.tool,
-            spindle: self.spindle,
+            spindle,
             coolant,
             outputs,
         }

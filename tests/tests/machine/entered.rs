@@ -178,7 +178,7 @@ proptest! {
     /// confirmed.
     #[test]
     fn a_program_that_begins_at_a_line_switches_once_that_is_confirmed(
-        by_hand in by_hand(), switches in switches(), share in 0.0..1.0f64, at_once in any::<bool>(),
+        by_hand in by_hand(), switches in switches(), share in 0.0..1.0f64, at_once: bool, stopped: bool,
     ) {
         let mut rig = cooled();
         if !at_once {
@@ -194,9 +194,13 @@ proptest! {
         for (name, on) in ordered.filter_map(|(name, on)| Some((name, on?))) {
             rig.command(output(name, on));
         }
+        // It makes safe what was switched by hand.
+        if stopped {
+            rig.command(Command::Stop);
+        }
         go(&mut rig, Command::Run { from_line: Some(line) });
         prop_assert_eq!(state(&rig), State::Held, "{:?}", rig.problems);
-        let [valve, clamp, flood] = by_hand;
+        let [valve, clamp, flood] = if stopped { [None; 3] } else { by_hand };
         let as_it_is = [valve.unwrap_or(false), clamp.unwrap_or(true), flood.unwrap_or(false)];
         prop_assert_eq!(outputs(&mut rig).0, digital(as_it_is));
         let expected = digital(programmed(&text, line, as_it_is.map(Some)));
@@ -243,6 +247,22 @@ proptest! {
         prop_assert_eq!(outputs(&mut rig).0 & (VALVE | CLAMP_IS_OFF | FLOOD), digital(begins));
         prop_assert_eq!(state(&rig), State::Held);
     }
+}
+
+/// Of a stop and a start at a line that are ordered in one cycle the start switches on again what the stop makes safe.
+#[test]
+fn what_a_stop_makes_safe_a_start_behind_it_switches() {
+    let mut rig = cooled();
+    go(&mut rig, output("valve", true));
+    let text = "G21 G90 G61 F3000\nG1 X1\nM64 P1\nG1 X10\nG1 X20\nM2\n";
+    let file = rig.folder.file("part.ngc", text);
+    go(&mut rig, Command::Load(file));
+    rig.command(Command::Stop);
+    go(&mut rig, Command::Run { from_line: Some(5) });
+    assert_eq!(outputs(&mut rig).0, digital([false, true, false]));
+    rig.command(Command::CycleStart);
+    run_to(&mut rig, 5);
+    assert_eq!(outputs(&mut rig).0, digital([true, true, false]));
 }
 
 /// A stop switches off what was switched on by hand also where the program has not said anything yet.
