@@ -17,7 +17,7 @@
 //! the path goes on; without a job what was switched by hand is what the next job begins with.
 
 use super::Layout;
-use super::{Controller, Event, Job, JobKind, Phase, Request, event_sink};
+use super::{Controller, Event, Job, JobKind, Phase, Request, State, event_sink};
 use crate::machine::{self, AnalogSource, OutputSwitch};
 use std::collections::VecDeque;
 use std::fmt;
@@ -378,18 +378,17 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// What is put out: what the job at work has switched, but wired outputs as they are at their terminals, where they may be
-    /// safe or switched by hand.
+    /// What is put out: what the job at work has switched, but wired outputs as they are at their terminals: as they were sent last,
+    /// where they may be safe or switched by hand.
     pub(super) fn put_out(&self) -> MachineFunctions {
         let mut functions = self.switches.functions;
-        for (index, output) in self.layout.outputs.iter().enumerate() {
-            functions.put(output.switch, self.puts_on(index, output));
+        for (output, sent) in self.layout.outputs.iter().zip(&self.switches.outputs) {
+            functions.put(output.switch, sent.unwrap_or(output.safe));
         }
-        for output in &self.layout.analog_outputs {
-            if let AnalogSource::Program(number) = output.source
-                && self.has_safe_outputs()
-            {
-                functions.outputs.analog[usize::from(number)] = output.safe;
+        let analog = self.layout.analog_outputs.iter();
+        for (output, sent) in analog.zip(&self.switches.analog_outputs) {
+            if let AnalogSource::Program(number) = output.source {
+                functions.outputs.analog[usize::from(number)] = sent.unwrap_or(output.safe);
             }
         }
         functions
@@ -404,7 +403,11 @@ impl<const N: usize> Controller<N> {
         if self.stays_on && self.phase != Phase::Program && !self.switches.safe {
             self.switch_off_outputs();
         }
-        if !self.state().allows(Request::Switch) && !self.awaits_instructions() {
+        // A homing that no program asks for leaves them as they are.
+        let state = self.state();
+        let is_homed = state == State::Homing && self.beside_path.line().is_none();
+        let keeps = state.allows(Request::Switch) || is_homed;
+        if !keeps && !self.awaits_instructions() {
             self.switches.by_hand.fill(None);
         }
         for (index, output) in layout.outputs.iter().enumerate() {

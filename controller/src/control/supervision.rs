@@ -149,13 +149,16 @@ impl<const N: usize> Controller<N> {
             in_position &= axis.is_in_position(sample);
         }
         self.in_position = if in_position { self.in_position + 1 } else { 0 };
+        // A homing leads to where the switches are, and rests there between two legs.
+        let mut plan = self.planned;
+        plan.off_path |= self.beside_path.line().is_some();
         self.row = Some(Row {
             cycle: self
                 .cycle
                 .saturating_sub(self.mode_cycle.unwrap_or_default()),
             sync: self.syncs,
             at: self.sync_at,
-            plan: self.planned,
+            plan,
             axes: samples,
             functions: self.switches.functions,
             put_out: self.put_out(),

@@ -10,6 +10,7 @@ use syncline_controller::machine::COORDINATES;
 use syncline_controller::session::{Command, Refusal, SwitchChange};
 use syncline_drives::twin::{Disturbance, ErrorClass};
 use syncline_gcode::AxisLetter;
+use syncline_tests::command::{Folder, ended, machine_file, syncline};
 use syncline_tests::rig::Rig;
 
 const NOT_AT_START: (&str, &str) = ("at_start = true", "at_start = false");
@@ -45,6 +46,54 @@ fn a_program_homes_before_it_moves() {
         .iter()
         .filter(|it| matches!(it, Event::ProgramHomed { line: 1 }));
     assert_eq!(told.count(), 1);
+}
+
+/// A homing leads off the program's path to where the switches are, wherever in the program it is; that is no deviation from it.
+#[test]
+fn a_homing_in_the_middle_of_a_program_is_no_violation() {
+    for text in [
+        "G21 G90 G61 F3000\nG1 X50\nG28.2 Y0\nG1 X60\nM2\n",
+        "G21 G90 G61 F3000\nG28.2\nG1 X30 Y10\nG28.2 Z0\nG1 Y20\nM2\n",
+        "G21 G90 G64 P0.1 F3000\nG1 X30\nG1 X40 Y5\nG28.2 X0 Y0\nG1 X10\nG28.2 Y0\nM2\n",
+    ] {
+        let folder = Folder::new();
+        let program = folder.file("part.ngc", text);
+        let output = syncline()
+            .arg("validate")
+            .arg(machine_file("router"))
+            .args([program])
+            .output()
+            .unwrap();
+        let (code, printed, told) = ended(&output);
+        assert_eq!(code, 0, "{text}{printed}{told}");
+    }
+}
+
+/// What a hand has switched on, as what holds a part, stays on while the machine is homed.
+#[test]
+fn a_homing_leaves_outputs_as_a_hand_has_switched_them() {
+    let mut rig = switched_on(&[CLAMP]);
+    go(&mut rig, home(AxisLetter::Z));
+    let clamp = |on| Command::Output {
+        name: "clamp".to_owned(),
+        on,
+    };
+    go(&mut rig, clamp(true));
+    let since = rig.events.len();
+    go(&mut rig, ALL);
+    assert!(is_referenced(&rig, AxisLetter::X), "{:?}", rig.events);
+    let changes = |rig: &Rig| {
+        let told = rig.events[since..].iter();
+        told.filter(|it| matches!(it, Event::Output { .. })).count()
+    };
+    assert_eq!(changes(&rig), 0, "{:?}", rig.events);
+    assert!(rig.session.status().outputs[0]);
+    // A stop in the midst of it makes safe.
+    rig.command(ALL);
+    rig.run_until(|rig| state(rig) == State::Homing);
+    go(&mut rig, Command::Stop);
+    assert!(!rig.session.status().outputs[0], "{:?}", rig.events);
+    assert_eq!(changes(&rig), 1);
 }
 
 /// An output that programs read by its name.
