@@ -256,6 +256,8 @@ impl Shape {
                     scaling,
                     heartbeat_timeout: Duration::from_millis(300),
                     standstill_window: scaling.magnitude(0.05),
+                    steady_window: scaling.magnitude(0.05),
+                    keeps_reference: false,
                     delay: 0.0,
                     middle: Increments::ZERO,
                 })

@@ -74,6 +74,7 @@ mod tests {
         let kept = Some(Kept {
             origin: Increments::ZERO,
             position: Increments::from(position),
+            marks: [None; 2],
         });
         vec![Event::Machine(MachineEvent::Kept { device: 0, kept })]
     }

@@ -17,7 +17,7 @@ use super::homing::{Edge, NotRecalled};
 use super::layout::{self, Layout};
 use super::node::DeviceNode;
 use super::setpoint_guard::SetpointGuard;
-use crate::machine::{AxisLimits, HomingMethod, Kept};
+use crate::machine::{AxisLimits, HomingMethod, Kept, NotKept};
 use history::{History, Planned};
 use squaring::Squaring;
 use syncline_drives::model::{Increments, PowerCommand, Setpoint};
@@ -177,6 +177,10 @@ impl AxisControl {
             Ok(kept) => kept,
             Err(why) => return Some(Err(NotRecalled::NotKept(*why))),
         };
+        let mut drives = self.spec.drives.iter().zip(kept);
+        if let Some(other) = drives.find_map(|(&drive, kept)| nodes[drive].other_mark(kept)) {
+            return Some(Err(NotRecalled::NotKept(NotKept::OtherDevice(other))));
+        }
         let mut moved = 0.0_f64;
         for (&drive, kept) in self.spec.drives.iter().zip(kept) {
             let node = &mut nodes[drive];
@@ -378,17 +382,20 @@ impl AxisControl {
         }
     }
 
-    /// The fault of an axis whose drive goes to a target and has not stood there for so many cycles; while it `may` take longer,
-    /// it also waits until its encoder was held against its drive.
+    /// The fault of an axis whose drive goes to a target and has not stood there for so many cycles, as it has told that it has come
+    /// there; while it `may` take longer, it also waits until its encoder was held against its drive.
     pub(super) fn is_away(&self, cycles: u32, may: bool, nodes: &[DeviceNode]) -> Option<Fault> {
         let target = self.point_to_point?.target?;
         let node = &nodes[self.drive()];
         let away = target - node.actual();
+        let told = !node.is_under_way();
         let there = away.get().abs() <= node.standstill_window().get()
             && node.still() >= cycles
+            && told
             && !(may && self.awaits_comparison(nodes));
         let distance = away.get().abs() as f64 * node.scaling().resolution();
-        (!there).then_some(Fault::Axis(self.index, AxisCause::NotThere { distance }))
+        let cause = AxisCause::NotThere { distance, told };
+        (!there).then_some(Fault::Axis(self.index, cause))
     }
 
     // --- where it stands ---
@@ -606,13 +613,15 @@ impl AxisControl {
         if worst.by_itself {
             worst.act = nodes[self.telling(0)].actual_mm();
             worst.set = worst.act;
+            worst.of_side = [worst.act; 2];
             return worst;
         }
         for (side, &drive) in self.spec.drives.iter().enumerate() {
             let act = self.actual(cycle, side, nodes);
             let following_error = self.due(cycle, side, nodes) - act;
+            let latched = self.history.latched(cycle, nodes[drive].delay());
+            worst.of_side[side] = latched.of_side(side);
             if side == 0 || following_error.abs() > worst.following_error.abs() {
-                let latched = self.history.latched(cycle, nodes[drive].delay());
                 (worst.set, worst.apart) = (latched.position, latched.apart);
                 worst.act = self.goes_on(cycle, side, nodes).unwrap_or(act);
                 worst.following_error = following_error;

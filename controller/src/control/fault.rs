@@ -344,6 +344,8 @@ pub enum AxisCause {
     NotThere {
         /// How far it is from there, mm.
         distance: f64,
+        /// Its drive has told that it is there.
+        told: bool,
     },
     /// Its drive was sent to a target and did not acknowledge it.
     NotAcknowledged {
@@ -563,7 +565,7 @@ impl Fault {
                 quantity, value, ..
             } => return Some((value, quantity.limit(limits), quantity.unit(unit))),
             AxisCause::Skew { difference } => (difference, limits.skew?),
-            AxisCause::Standstill { distance } | AxisCause::NotThere { distance } => {
+            AxisCause::Standstill { distance } | AxisCause::NotThere { distance, .. } => {
                 (distance, limits.standstill)
             }
             AxisCause::NotAcknowledged { .. }
@@ -646,6 +648,23 @@ fn reference_moved(difference: f64, axis: &AxisSpec) -> String {
     )
 }
 
+/// Of an axis whose drive was sent to a target that is so far away, and has `told` that it is there or not.
+fn not_there(distance: f64, told: bool, axis: &AxisSpec) -> String {
+    let AxisSpec { name, unit, .. } = axis;
+    let allowed = axis.limits.standstill;
+    match told {
+        true => format!(
+            "axis {name}: its drive did not get to where it was sent and is {distance:.4} {unit} away, allowed \
+             {allowed} {unit}: look for what blocks it, and check the drive's units and its current"
+        ),
+        false => format!(
+            "axis {name}: its drive has not told that it has got to where it was sent (bit 10 of its statusword), and is \
+             {distance:.4} {unit} away: look for what blocks it, and check its position window (2011h and 2012h of a TLC53x) \
+             and that its T_PDOs come"
+        ),
+    }
+}
+
 impl AxisCause {
     fn describe(self, axis: &AxisSpec) -> String {
         let AxisSpec {
@@ -674,11 +693,7 @@ impl AxisCause {
                  check its brake, its loop and `standstill_window`",
                 limits.standstill
             ),
-            Self::NotThere { distance } => format!(
-                "axis {name}: its drive did not get to where it was sent and is {distance:.4} {unit} away, allowed \
-                 {} {unit}: look for what blocks it, and check the drive's units and its current",
-                limits.standstill
-            ),
+            Self::NotThere { distance, told } => not_there(distance, told, axis),
             Self::NotAcknowledged { time } => format!(
                 "axis {name}: its drive has not acknowledged where it was sent for {time:.2} s: check its \
                  operating mode, and that its R_PDOs reach it"

@@ -128,8 +128,12 @@ pub struct DeviceSpec {
     pub heartbeat_timeout: Duration,
     /// Standing still is moving less than this.
     pub standstill_window: Increments,
+    /// What it may move and still be compared with a device that is asked for its position.
+    pub steady_window: Increments,
     /// Cycles by which it is sent the plan later than the slowest drive, as it is faster by so much.
     pub delay: f64,
+    /// Its axis keeps its reference from one day to the next, as this very device and its motor count.
+    pub keeps_reference: bool,
     /// In the middle of its axis's travel: where a position that begins anew is first looked for.
     pub middle: Increments,
 }
@@ -372,6 +376,7 @@ impl Layout {
                     })
             })
             .collect();
+        let keeps_reference = |seat: Seat<'_>| machine.axes[seat.axis].homing.moved_limit.is_some();
         let lag = latencies.iter().flatten().copied().fold(0.0, f64::max);
         let nowhere = Scaling::new(1, 1.0, Direction::Positive, Increments::ZERO);
         let devices: Vec<DeviceSpec> = (machine.nodes().zip(devices).zip(latencies))
@@ -382,10 +387,10 @@ impl Layout {
                 let lost = loss.map(|loss| (loss.as_nanos() / apart.as_nanos()) as u32 + 1);
                 let scale = scale(machine, index, node.seat);
                 let mut scaling = scale.map_or(nowhere, |(scaling, _)| scaling);
-                let steady = steady(machine, index).unwrap_or(f64::INFINITY);
-                let mut standstill = scale.map(|(scaling, window)| {
+                let mut standstill = scale.map(|(scaling, window)| scaling.magnitude(window));
+                let steady = steady(machine, index).map(|steady| {
                     let noise = NOISE * scaling.resolution();
-                    scaling.magnitude(window.min(steady.max(noise)))
+                    scaling.magnitude(steady.max(noise))
                 });
                 let middle = node.seat.map(|seat| machine.axes[seat.axis].middle());
                 let mut middle = middle.and_then(|mm| scaling.to_increments(mm).ok());
@@ -405,6 +410,8 @@ impl Layout {
                     t_pdo_misses: lost.unwrap_or(machine.controller.t_pdo_misses),
                     heartbeat_timeout: machine.controller.heartbeat_timeout,
                     standstill_window: standstill.unwrap_or_default(),
+                    steady_window: steady.or(standstill).unwrap_or_default(),
+                    keeps_reference: node.seat.is_some_and(keeps_reference),
                     // The soft limits are within what it can count.
                     middle: middle.unwrap_or_default(),
                 }

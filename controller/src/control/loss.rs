@@ -136,10 +136,11 @@ impl Layout {
             response.map_or((Compared::AtSync, self.cycle * 2 + older), |response| {
                 // The last position from before the rest is replaced by one that waited for an answer and has its own;
                 // both requests wait for their turn in a cycle. What is left of the way then may take it out of the
-                // standstill window around that one, once, so that its time of standing still begins anew.
+                // standstill window around that one, once, so that its time of standing still begins anew. Where the rest
+                // begins between two SYNCs it is seen a cycle later.
                 let heard = POLL + (response + self.cycle) * 2;
                 let stands = STILL.max(response) + self.cycle + older;
-                (Compared::AtRest, heard + stands * 2)
+                (Compared::AtRest, heard + stands * 2 + self.cycle)
             }),
         )
     }

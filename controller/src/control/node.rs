@@ -65,9 +65,8 @@ pub(super) struct DeviceNode {
     /// SYNCs since the one that its last T_PDOs answered; 0 if that was the last, or if they answer none.
     age: u32,
     misses: u32,
-    /// Cycles in a row within the standstill window around `still_at`.
-    still: u32,
-    still_at: Increments,
+    still: Standstill,
+    steady: Standstill,
 
     /// The state of its power stage, as told.
     told_power: Option<PowerState>,
@@ -123,8 +122,8 @@ impl DeviceNode {
             outputs: 0,
             age: spec.answers_sync.into(),
             misses: 0,
-            still: 0,
-            still_at: Increments::ZERO,
+            still: Standstill::NONE,
+            steady: Standstill::NONE,
             told_power: None,
             power: PowerCommand::Disable,
             quick_stopped: None,
@@ -251,6 +250,9 @@ impl DeviceNode {
 
     /// Takes what a drive says of its state when it is asked.
     fn take_state(&mut self, said: DriveStatus) {
+        if let Some(drive) = self.device.drive_mut() {
+            drive.answers(said.word.value.bits() as u16);
+        }
         if self.polls.believes(said.power != self.status.power) {
             self.status = DriveStatus {
                 power: said.power,
@@ -394,7 +396,7 @@ impl DeviceNode {
         self.status = DriveStatus::default();
         self.age = self.device.spec().answers_sync.into();
         self.misses = 0;
-        self.still = 0;
+        self.forget_standstill();
         (self.quick_stopped, self.homes) = (None, false);
         self.told_power = None;
         self.power = PowerCommand::Disable;
@@ -669,12 +671,15 @@ impl DeviceNode {
         self.lost_count |= feedback.is_some_and(|it| !it.counts_without_power());
         let spec = self.device.spec();
         let identity = spec.identity.iter().copied().map(Step::Identity);
+        let marks = self.spec().keeps_reference.then_some(spec.marks);
+        let marks = marks.into_iter().flatten().enumerate();
+        let marks = marks.filter_map(|(place, mark)| Some(Step::Mark(place, mark?)));
         let ensured = spec.ensured.iter().copied().map(Step::Ensure);
         let writes = spec.setup.iter().copied().map(Step::Write);
         let read_back = spec.ensured.iter().chain(&spec.read_back);
         let read_back = read_back.copied().map(Step::ReadBack);
         self.sequence
-            .extend(identity.chain(ensured).chain(writes).chain(read_back));
+            .extend((identity.chain(marks).chain(ensured)).chain(writes.chain(read_back)));
     }
 
     /// Whether its position is one of the last SYNC.
@@ -708,6 +713,12 @@ impl DeviceNode {
     pub(super) fn owes_acknowledgement(&self) -> bool {
         let drive = self.device.drive();
         drive.is_some_and(|drive| drive.owes_acknowledgement())
+    }
+
+    /// Whether it has still to acknowledge a target, or to tell that it has come there.
+    pub(super) fn is_under_way(&self) -> bool {
+        let drive = self.device.drive();
+        drive.is_some_and(|drive| drive.owes_acknowledgement() || drive.is_under_way())
     }
 
     /// The steps that take the set-up's cyclic part back, from a device in reach; whatever else there was to do is
@@ -752,4 +763,5 @@ mod torque;
 
 use answers::Answers;
 use by_sdo::BySdo;
+use standstill::Standstill;
 use torque::Torque;

@@ -10,7 +10,7 @@
 //! `docs/point-to-point.md`.
 //!
 //! *On its own.* While a drive goes, its axis is where it says, and has no setpoint to be held against; what tells
-//! that something is wrong is that it is not there, at rest and within `standstill_window`, in twice the
+//! that something is wrong is that it is not there, at rest, within `standstill_window` and by what its drive tells, in twice the
 //! time that it needs and `state_timeout_ms`; that it does not acknowledge its target within `state_timeout_ms`;
 //! that it does not rest in twice the time of its ramp and `state_timeout_ms` where it is to halt.
 //!
@@ -90,7 +90,7 @@ impl<const N: usize> Controller<N> {
                     if let Some(target) = motion.targets[axis.coordinate()] {
                         axis.go_to(target, halts_in, &self.nodes)?;
                         // How long it has stood says nothing of where it goes now.
-                        self.nodes[axis.drive()].forget_standstill();
+                        self.nodes[axis.drive()].leave_standstill();
                     }
                 }
                 self.positioning = Some(Progress::Going { left: most });
@@ -201,7 +201,12 @@ impl<const N: usize> Controller<N> {
             false => PowerCommand::Enable,
         };
         for axis in self.axes.iter().filter(|axis| axis.goes()) {
-            self.nodes[axis.drive()].power = power;
+            let node = &mut self.nodes[axis.drive()];
+            if on && node.power != power {
+                // How long it has stood on its way says nothing of where it is to stand.
+                node.leave_standstill();
+            }
+            node.power = power;
         }
     }
 

@@ -5,10 +5,10 @@ use super::fault::{DeviceCause, DeviceIndex, Fault};
 use super::layout::Layout;
 use std::collections::VecDeque;
 use std::sync::Arc;
-use syncline_canopen::sdo::{self, Failure, Reason};
+use syncline_canopen::sdo::{self, AbortCode, Failure, Reason};
 use syncline_canopen::{Frame, Instant, Transmit};
 use syncline_drives::model::{
-    Address, Capture, ClockLock, Identity, Increments, ModeDisplay, Survey, Write,
+    Address, Capture, ClockLock, Identity, Increments, Marks, ModeDisplay, Survey, Write,
 };
 
 /// What an upload brought.
@@ -51,6 +51,8 @@ pub(super) enum Step {
     AwaitAnswer(Address),
     /// Reads an object that must be the model's.
     Identity(Identity),
+    /// Reads one of the [`Marks`], at this place; a refusal says that there is none.
+    Mark(usize, Address),
     /// Writes, where the object reads otherwise.
     Ensure(Write),
     /// Writes; a refusal is a fault.
@@ -81,6 +83,7 @@ impl Step {
             Self::Survey(survey) | Self::AwaitDisabled(survey) => survey.address,
             Self::History(address)
             | Self::AwaitAnswer(address)
+            | Self::Mark(_, address)
             | Self::Note(_, address)
             | Self::Poll(address) => *address,
             Self::Identity(identity) => identity.address,
@@ -126,6 +129,8 @@ pub(super) struct SdoSequence {
     stale: bool,
     /// Where the edge was that was asked for last, if one was captured.
     captured: Option<Increments>,
+    /// What the last [`Step::Mark`]s read, by their places.
+    marks: Marks<u32>,
     /// What the last [`Step::Note`]s read, by their places.
     noted: [u32; NOTES],
     /// What the last [`Step::Poll`] read, and where.
@@ -153,6 +158,7 @@ impl SdoSequence {
             identified: false,
             stale: false,
             captured: None,
+            marks: [None; 2],
             noted: [0; NOTES],
             polled: None,
             unanswered: false,
@@ -172,6 +178,11 @@ impl SdoSequence {
     /// Where the edge was that was asked for last, if one was captured.
     pub(super) fn captured(&self) -> Option<Increments> {
         self.captured
+    }
+
+    /// What tells the device from another of its model, as it was read last.
+    pub(super) fn marks(&self) -> Marks<u32> {
+        self.marks
     }
 
     /// What was noted last, by its places.
@@ -336,6 +347,11 @@ impl SdoSequence {
             Reason::Refused(_) | Reason::GivenUp(_) if matches!(step, Step::AwaitAnswer(_)) => {
                 self.next();
             }
+            Reason::Refused(AbortCode::UnknownObject | AbortCode::UnknownSubindex)
+                if matches!(step, Step::Mark(..)) =>
+            {
+                self.mark(step, None);
+            }
             Reason::TimedOut if self.tries <= self.layout.sdo_retries => {}
             Reason::TimedOut if step.may_fail() => {
                 events(Event::Silent { device });
@@ -445,6 +461,7 @@ impl SdoSequence {
                 self.next();
                 self.identified = !matches!(self.steps.front(), Some(Step::Identity(_)));
             }
+            Step::Mark(..) => self.mark(step, Some(value)),
             Step::Note(place, _) => {
                 self.noted[place] = value;
                 self.next();
@@ -461,6 +478,14 @@ impl SdoSequence {
             | Step::Command(_) => self.next(),
         }
         Ok(())
+    }
+
+    /// Takes what tells the device from another of its model.
+    fn mark(&mut self, step: Step, value: Option<u32>) {
+        if let Step::Mark(place, _) = step {
+            self.marks[place] = value;
+        }
+        self.next();
     }
 
     /// What an answer says of an edge that a drive was to capture.

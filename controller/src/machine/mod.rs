@@ -41,7 +41,7 @@ pub use signals::{
 pub use simulation::{Carriage, FeedAxis, Gantry, HomeSwitches, Simulation};
 pub(crate) use spindle::degrees_per_second;
 pub use spindle::{SpinUp, Spindle, SpindleDrive};
-pub use state_file::{Kept, MachineState, NotKept, StateError};
+pub use state_file::{Kept, MachineState, NotKept, OtherMark, StateError};
 pub use user_code::UserCode;
 pub use validation::Validation;
 

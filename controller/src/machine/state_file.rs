@@ -3,7 +3,7 @@
 //!
 //! Of each drive whose axis keeps its reference ([`Homing::moved_limit`](super::Homing::moved_limit)) it has the
 //! origin that a homing found, where the drive stood when its axis came to rest last, and what would make
-//! its counts mean something else: model, scaling and zero. It is the machine's own, replaced as a whole, and
+//! its counts mean something else: model, scaling and zero, and what tells the drive and its motor from others. It is the machine's own, replaced as a whole, and
 //! not to be edited: whoever wants an axis homed again homes it.
 
 use super::{Axis, Drive, Machine};
@@ -13,7 +13,7 @@ use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
-use syncline_drives::model::Increments;
+use syncline_drives::model::{Address, Increments, Marks};
 use syncline_strict_toml::replace::replace;
 use thiserror::Error;
 
@@ -60,6 +60,13 @@ struct DriveState {
     origin: i64,
     /// See [`Kept::position`].
     position: i64,
+    /// See [`Kept::marks`].
+    #[serde(default, skip_serializing_if = "is_unmarked")]
+    marks: Marks<u32>,
+}
+
+fn is_unmarked(marks: &Marks<u32>) -> bool {
+    marks.iter().all(Option::is_none)
 }
 
 /// What the counts of a drive mean.
@@ -80,6 +87,19 @@ pub struct Kept {
     pub origin: Increments,
     /// Where it stood last.
     pub position: Increments,
+    /// What told it, and the motor that counts for it, from another of its model.
+    pub marks: Marks<u32>,
+}
+
+/// What shows that a device, or the motor that counts for it, is not the one of before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OtherMark {
+    /// Where it stands.
+    pub object: Address,
+    /// What it read.
+    pub before: u32,
+    /// What it reads; `None`: there is no such object.
+    pub now: Option<u32>,
 }
 
 /// Why an axis has no reference from before.
@@ -92,6 +112,8 @@ pub enum NotKept {
         /// Its index in [`Machine::drives`].
         drive: usize,
     },
+    /// One of its drives, or the motor on it, was replaced.
+    OtherDevice(OtherMark),
 }
 
 /// A state file that cannot be used.
@@ -194,6 +216,7 @@ impl MachineState {
                 let kept = position.map(|position| Kept {
                     origin: Increments::ZERO,
                     position,
+                    marks: [None; 2],
                 });
                 state.keep(drive, kept);
             }
@@ -203,14 +226,15 @@ impl MachineState {
 
     /// Keeps the reference of a drive, or forgets what there was.
     pub fn keep(&mut self, drive: &Drive, kept: Option<Kept>) {
-        let Some(Kept { origin, position }) = kept else {
+        let Some(kept) = kept else {
             self.drives.remove(&drive.name);
             return;
         };
         let state = DriveState {
             counts: Counts::of(drive),
-            origin: origin.get(),
-            position: position.get(),
+            origin: kept.origin.get(),
+            position: kept.position.get(),
+            marks: kept.marks,
         };
         self.drives.insert(drive.name.clone(), state);
     }
@@ -229,6 +253,7 @@ impl MachineState {
             Ok(Kept {
                 origin: Increments::new(state.origin),
                 position: Increments::new(state.position),
+                marks: state.marks,
             })
         };
         axis.drives.iter().map(kept).collect()

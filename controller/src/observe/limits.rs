@@ -136,6 +136,8 @@ pub(super) struct AxisWatches {
 #[derive(Debug)]
 struct Side {
     drive: usize,
+    /// Which side of its axis it is.
+    place: usize,
     /// One increment, with the sign of the direction, mm.
     increment: f64,
     /// What the drive counts at machine position 0.
@@ -152,7 +154,7 @@ struct Side {
 }
 
 impl Side {
-    fn new(machine: &Machine, drive: usize) -> Self {
+    fn new(machine: &Machine, drive: usize, place: usize) -> Self {
         let scaling = &machine.drives[drive].scaling;
         let increment = match scaling.direction() {
             Direction::Positive => scaling.resolution(),
@@ -161,6 +163,7 @@ impl Side {
         let device = machine.device(drive);
         Self {
             drive,
+            place,
             increment,
             zero: (-scaling.to_mm(Increments::ZERO) / increment).round(),
             range: device.drive().and_then(model::Drive::setpoint_range),
@@ -229,9 +232,9 @@ impl AxisWatches {
             period: cycle,
             planned: Differences::new(cycle, Uncertainty::Numbers),
             // What is sent velocities is judged by where it is.
-            sides: (axis.drives.iter())
-                .filter(|&&drive| machine.drives[drive].model.is_sent(Setpoints::Positions))
-                .map(|drive| Side::new(machine, *drive))
+            sides: (axis.drives.iter().enumerate())
+                .filter(|&(_, &drive)| machine.drives[drive].model.is_sent(Setpoints::Positions))
+                .map(|(place, &drive)| Side::new(machine, drive, place))
                 .collect(),
             squares: 0.0,
             rows: 0,
@@ -374,9 +377,8 @@ impl AxisWatches {
     ) -> [f64; SENT] {
         let sample = &row.axes[self.coordinate];
         let mut greatest = [0.0_f64; SENT];
-        // The sides of a gantry that is taken square are planned apart, half of it each.
-        for (side, out) in self.sides.iter_mut().zip([-0.5, 0.5]) {
-            let planned = sample.set + out * sample.apart;
+        for side in &mut self.sides {
+            let planned = sample.of_side[side.place];
             let Some(count) = sent.latched(side.drive, row.sync) else {
                 self.unsent += 1;
                 continue;

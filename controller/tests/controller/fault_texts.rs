@@ -243,7 +243,7 @@ texts! {
      [model.…] or in its description, its increments a turn, `pitch`, `gear` and `direction`";
 
     Fault::Axis(_, AxisCause::NotThere { .. }),
-    Fault::Axis(1, AxisCause::NotThere { distance: 12.25 }),
+    Fault::Axis(1, AxisCause::NotThere { distance: 12.25, told: true }),
     "axis Y: its drive did not get to where it was sent and is 12.2500 mm away, allowed 0.05 mm: look \
      for what blocks it, and check the drive's units and its current";
 

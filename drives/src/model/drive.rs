@@ -73,6 +73,17 @@ pub trait Drive: Feedback {
         false
     }
 
+    /// Takes the statusword of a drive that is asked for it.
+    fn answers(&mut self, statusword: u16) {
+        let _ = statusword;
+    }
+
+    /// Whether it has not told yet that it has come to the target that it was sent last; of a drive whose axis goes point to
+    /// point.
+    fn is_under_way(&self) -> bool {
+        false
+    }
+
     /// Its digital inputs and outputs, if its PDOs carry them.
     fn io(&self) -> Option<&dyn Io> {
         None

@@ -178,6 +178,8 @@ impl Lxm32m {
         Self {
             spec: NodeSpec {
                 identity: IDENTITY.to_vec(),
+                // Motor type and encoder type (2372-2373): 1018h has no serial number (3340).
+                marks: [2, 3].map(|sub| Some(Address::new(0x300D, sub))),
                 history: cia402::HISTORY.to_vec(), // (2900, 3000, 3035)
                 clock_lock: Some(ClockLock {
                     address: Address::new(0x3022, 6),

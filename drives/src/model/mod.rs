@@ -45,7 +45,7 @@ pub use drive::{
 pub use feedback::{Feedback, Sample, unwrapped};
 pub use io::{ANALOG_INPUTS, Io, IoNode, IoSettings};
 pub use mapping::Mapping;
-pub use node::{ClockLock, Identity, Monitoring, NodeSpec, RemoteNode};
+pub use node::{ClockLock, Identity, Marks, Monitoring, NodeSpec, RemoteNode};
 pub use object::{Data, Write};
 pub use scaling::{Direction, Increments, OutOfRange, Scaling};
 pub use syncline_canopen::Address;

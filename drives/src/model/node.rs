@@ -25,6 +25,9 @@ pub trait RemoteNode: fmt::Debug + Send + Sync {
     }
 }
 
+/// What tells a device from another of its model, as far as there is anything.
+pub type Marks<T> = [Option<T>; 2];
+
 /// Who a device is, how it is set up, and what it sends and takes in every cycle.
 #[derive(Clone, Debug)]
 pub struct NodeSpec {
@@ -34,6 +37,9 @@ pub struct NodeSpec {
     pub node: NodeId,
     /// The objects that tell this device from another, in the order to read them.
     pub identity: Vec<Identity>,
+    /// The objects that tell this very device, with the motor and the encoder that count for it, from another of its
+    /// model: read where a reference is kept from one day to the next. What a device does not have says nothing.
+    pub marks: Marks<Address>,
     /// The objects to log before a reset, which would wipe them: what stopped the device last.
     pub history: Vec<Address>,
     /// What the device has to be set to before the set-up, in this order, each written only where it
@@ -94,6 +100,7 @@ impl NodeSpec {
             model,
             node: settings.node,
             identity: Vec::new(),
+            marks: [None; 2],
             history: Vec::new(),
             ensured: Vec::new(),
             read_back: communication::read_back(&setup, is_command),

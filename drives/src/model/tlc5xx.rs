@@ -14,7 +14,7 @@
 //! most, 15575) leaves room for. That a unit is 1 r/min while the factor 6094h is 1 stands nowhere
 //! (D-53): it is inferred from an example, and so an [`Assumption`] with a name.
 
-use super::profile::cia402::{self, Targets};
+use super::profile::cia402::{self, IN_EACH_CYCLE, Targets};
 use super::profile::communication;
 use super::{
     Ability, Address, Assumption, Data, Drive, DriveStatus, Dynamics, Feedback, Identity,
@@ -191,6 +191,9 @@ impl Tlc5xx {
         Self {
             spec: NodeSpec {
                 identity: identity(),
+                // The device's serial number (9150) and the motor's type (16673).
+                marks: [(0x2007, 0), (0x6410, 1)]
+                    .map(|(index, sub)| Some(Address::new(index, sub))),
                 history: cia402::HISTORY.to_vec(),
                 tells_boot_up: false,
                 t_pdos: vec![communication::t_pdo(2, settings.node, 6)],
@@ -211,7 +214,7 @@ impl Tlc5xx {
                 told_lag: Some(&POSITION_LAG),
             },
             remote: assumed.value(&REMOTE),
-            targets: settings.point_to_point.then(Targets::default),
+            targets: (settings.point_to_point).then(|| Targets::told(IN_EACH_CYCLE)),
             relative: match assumed.value(&ABSOLUTE) {
                 0 => Controlword::MODE_6,
                 _ => 0,
@@ -412,6 +415,10 @@ impl Drive for Tlc5xx {
 
     fn owes_acknowledgement(&self) -> bool {
         self.targets.as_ref().is_some_and(Targets::waits)
+    }
+
+    fn is_under_way(&self) -> bool {
+        self.targets.as_ref().is_some_and(Targets::is_under_way)
     }
 
     /// Bit 12 says in profile velocity that it stands.

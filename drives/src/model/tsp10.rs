@@ -155,7 +155,7 @@ impl Tsp10 {
                 told_lag: None,
             },
             state: None,
-            targets: settings.point_to_point.then(Targets::default),
+            targets: settings.point_to_point.then(|| Targets::told(1)),
         }
     }
 }
@@ -292,6 +292,16 @@ impl Drive for Tsp10 {
 
     fn owes_acknowledgement(&self) -> bool {
         self.targets.as_ref().is_some_and(Targets::waits)
+    }
+
+    fn answers(&mut self, statusword: u16) {
+        if let Some(targets) = &mut self.targets {
+            targets.answer(Statusword(statusword));
+        }
+    }
+
+    fn is_under_way(&self) -> bool {
+        self.targets.as_ref().is_some_and(Targets::is_under_way)
     }
 
     /// Bits 9 and 12 are named and not explained (645-657): the first says nothing, the second is the handshake's

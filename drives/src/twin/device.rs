@@ -131,6 +131,8 @@ pub enum Disturbance {
     Input(u8, bool),
     /// It is another maker's: 1018h:1.
     Vendor(u32),
+    /// It, or the motor on it, is another one of its kind: what its model tells them apart by.
+    Replaced(u8),
 }
 
 /// How a drive reacts to an error.

@@ -1,6 +1,7 @@
 //! The machine of drives of several kinds, `examples/mixed`: its program runs, and how far each kind takes the tool off
 //! the path.
 
+use super::scripted::Day;
 use serde_json::Value;
 use syncline_tests::command::{Folder, ended, machine_file, machine_with, syncline};
 
@@ -74,10 +75,29 @@ fn its_program_passes_and_each_axis_is_within_its_own_bound() {
         contour_error(&mixed),
         contour_error(&pure)
     );
-    let [[x, _], [y, _], [z, _]] = errors;
+    let [[x, pure_x], [y, _], [z, _]] = errors;
     // As `velocity` and `stepper` have them.
     assert!(x < 0.03 && y <= 0.1 && z <= 0.05, "{errors:?}");
     assert!(contour_error(&mixed) <= x.hypot(y).hypot(z) + 0.001);
+    // The other kinds of drives are nothing to X.
+    assert!((x - pure_x).abs() < 0.001, "{x}, {pure_x}");
+}
+
+/// A day with it runs it twice, is the same again, frame for frame, and is replayed.
+#[test]
+fn a_day_runs_its_program() {
+    let parts = syncline_tests::command::root().join("examples/mixed/parts.ngc");
+    let events = format!(",home,\n,load,{}\n,run,\n,run,\n", parts.display());
+    let machine = machine_file("mixed");
+    let day = Day::of(&machine, &events, &[]);
+    assert_eq!(day.code, 0, "{}", day.told);
+    assert_eq!(day.json["verdict"], "pass", "{:#}", day.json);
+    let axes = day.json["axes"].as_array().expect("a list");
+    let feeder = axes.iter().find(|it| it["name"] == "U").expect("its axis");
+    assert_eq!(feeder["positioning"]["moves"], 5);
+    assert_eq!(Day::of(&machine, &events, &[]).frames(), day.frames());
+    let (code, text) = day.replay(&machine);
+    assert_eq!(code, 0, "{text}");
 }
 
 /// Also where a stepper controller tells each change of its statusword by itself, several times in a cycle.
@@ -161,4 +181,39 @@ fn the_moves_of_the_feeder_are_told() {
         [2.0, 4.0, 5.0].contains(&number("/max_error_at/line")),
         "{moves:#}"
     );
+}
+
+/// The sides of a gantry may be of different kinds, which are sent different setpoints, at different times, for the same place:
+/// each is held against its own.
+#[test]
+fn sides_of_any_two_kinds_are_one_axis() {
+    const PROGRAM: &str = "G21 G90 G61\nG0 X40\nG1 F600 X-10\nG64\nG1 X0\nG1 F1500 X12\nM2\n";
+    let kinds = ["lxm32m", "cia402_csp", "cia402_csv", "tlc5xx"];
+    for one in kinds {
+        for other in kinds {
+            let folder = Folder::new();
+            let drive = |name: &str, node: u8, model: &str, direction: &str| {
+                format!(
+                    "[[drive]]\nname = \"{name}\"\nbus = \"b\"\nnode = {node}\nmodel = \"{model}\"\ndirection = \"{direction}\"\n"
+                )
+            };
+            let machine = format!(
+                "[machine]\nname = \"g\"\ncycle_us = 4000\n[[bus]]\nname = \"b\"\nbitrate = 1_000_000\nport = \"sim\"\n{}{}\
+                 [[axis]]\nname = \"X\"\ndrives = [\"A\", \"B\"]\npitch = 10.0\nmax_velocity = 50.0\nmax_acceleration = 300.0\n\
+                 max_jerk = 6000.0\nsoft_limits = [-100.0, 100.0]\nfollowing_error_limit = 1.0\nskew_limit = 0.5\n\
+                 simulation = {{ start_skew = 0.3 }}\n",
+                drive("A", 1, one, "positive"),
+                drive("B", 2, other, "negative"),
+            );
+            let machine = folder.file("machine.toml", &machine);
+            let program = folder.file("part.ngc", PROGRAM);
+            let output = syncline()
+                .arg("validate")
+                .args([machine, program])
+                .output()
+                .unwrap();
+            let (code, printed, told) = ended(&output);
+            assert_eq!(code, 0, "{one} {other}: {printed}{told}");
+        }
+    }
 }

@@ -392,7 +392,7 @@ fn one_that_does_not_get_there_is_told() {
     );
     let text = fault.describe(&*rig.layout);
     assert!(
-        text.starts_with("axis W: its drive did not get to where it was sent"),
+        text.starts_with("axis W: its drive has not told that it has got to where it was sent"),
         "{text}"
     );
 }
@@ -1003,5 +1003,54 @@ fn lost_steps_are_told_where_it_is_homed_again() {
         go(&mut rig, home(AxisLetter::W));
         let moved = told(&rig).expect("it was homed before");
         assert!(moved.abs() < 0.01, "{moved}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 10, ..ProptestConfig::default() })]
+
+    /// However short the moves, however slow, and whatever the window in which an axis stands: the program goes on once the drive
+    /// has come to rest at its target, and no target is lost.
+    #[test]
+    fn short_moves_are_awaited(
+        moves in prop::collection::vec((0.002..0.6_f64, any::<bool>(), 10.0..400.0_f64), 1..10),
+        which in 0..3usize, window in prop::sample::select(vec![0.05, 0.5]), holds in prop::option::of(0..400usize),
+    ) {
+        let (axis, letter) = [(U, 'U'), (V, 'V'), (W, 'W')][which];
+        let windows = TABLES.replace("standstill_window = 0.05", &format!("standstill_window = {window:?}"));
+        let changes = [CHANGES[0], (CHANGES[1].0, &windows[..])];
+        let mut program = "G21 G90 G94 G61\n".to_owned();
+        let mut targets = vec![0.0];
+        for (by, forth, feed) in moves {
+            let last: f64 = *targets.last().unwrap();
+            let target = ((last + if forth { by } else { -by }) * 1e3).round() / 1e3;
+            targets.push(target);
+            program += &format!("G1 {letter}{target:.3} F{feed:.0}\n");
+        }
+        program += "M2\n";
+        let mut rig = Rig::new("portal", &changes, &program, |_, _| ());
+        let truth = |rig: &mut Rig| {
+            let travel = rig.machine.drives[DRIVE + which].scaling.travel_per_revolution();
+            rig.twin(DRIVE + which).observe().position * travel
+        };
+        let begin = truth(&mut rig);
+        let (mut line, mut steps) = (0, 0);
+        while rig.step() {
+            steps += 1;
+            if holds == Some(steps / 20) && steps % 20 == 0 {
+                rig.command(Command::FeedHold);
+            } else if steps % 20 == 10 {
+                rig.command(Command::Resume);
+            }
+            let now = rig.session.status().line;
+            if now != line && (2..=targets.len() as u32).contains(&line) {
+                let (target, at) = (targets[line as usize - 1], truth(&mut rig) - begin);
+                prop_assert!((at - target).abs() < 0.02, "line {}: {} of {}: {}", line, at, target, program);
+            }
+            line = now;
+        }
+        prop_assert_eq!(rig.end(), Some(End::Finished), "{}{:?}", program, rig.events);
+        let last = *targets.last().unwrap();
+        prop_assert!((ends(&rig, axis) - last).abs() < 0.02, "{} of {}", ends(&rig, axis), last);
     }
 }

@@ -1,11 +1,14 @@
 //! References of axes whose encoders count without power: from one day to the next, and each way in which one does
 //! not hold any more.
 
+use crate::homing::Y;
 use proptest::prelude::*;
 use std::fs::{self, File};
+use syncline_canopen::Address;
 use syncline_controller::control::{Event, NotRecalled, Refusal as OrderRefusal, State};
 use syncline_controller::machine::{MachineState, NotKept};
 use syncline_controller::session::{Command, Refusal};
+use syncline_drives::twin::Disturbance;
 use syncline_gcode::AxisLetter;
 use syncline_tests::command::{Folder, ended, machine_with, syncline};
 use syncline_tests::rig::Rig;
@@ -164,6 +167,56 @@ fn a_reference_that_does_not_hold_is_told_and_forgotten() {
         assert_eq!(not_recalled(&rig), [expected], "{change:?}");
         assert!(!is_referenced(&rig, AxisLetter::Y));
     }
+}
+
+/// Of a machine whose Y keeps its reference: one day with the drive that it has, the next with another in its place, told by
+/// the object of its model, and a day more.
+fn is_known_again(machine: &str, replacements: &[(&str, &str)], object: Address) {
+    let on = |state: &MachineState, as_before: bool| {
+        let mut rig = Rig::recalling(machine, replacements, state, |_, _| ());
+        if !as_before {
+            rig.twin(Y).disturb(Disturbance::Replaced(7));
+        }
+        settle(&mut rig);
+        rig
+    };
+    let mut home = [false; 9];
+    home[AxisLetter::Y.index()] = true;
+    let mut rig = on(&MachineState::default(), true);
+    go(&mut rig, Command::Home(home));
+    go(&mut rig, Command::SwitchOff);
+    let state = kept(&rig, MachineState::default());
+    let rig = on(&state, true);
+    assert!(is_referenced(&rig, AxisLetter::Y), "{:?}", rig.events);
+    let mut rig = on(&state, false);
+    let told = not_recalled(&rig);
+    let [NotRecalled::NotKept(NotKept::OtherDevice(other))] = told[..] else {
+        panic!("{told:?}");
+    };
+    assert_eq!((other.object, other.now), (object, Some(7)));
+    assert!(!is_referenced(&rig, AxisLetter::Y));
+    // The new one's place is another matter, and known from the next day on.
+    go(&mut rig, Command::Home(home));
+    go(&mut rig, Command::SwitchOff);
+    let state = kept(&rig, state);
+    assert!(is_referenced(&on(&state, false), AxisLetter::Y));
+    assert!(!is_referenced(&on(&state, true), AxisLetter::Y));
+}
+
+#[test]
+fn a_drive_that_was_replaced_has_no_reference() {
+    let encoder = Address::new(0x300D, 3);
+    let there = ("start = 95.0", "start = 0.0");
+    is_known_again("router", &[ABSOLUTE[1], there], encoder);
+    let by_hand = "name = \"Y\"\nhoming = { kind = \"set_here\", absolute = true }\ndrives";
+    let by_hand = ("name = \"Y\"\ndrives", by_hand);
+    // An axis that is homed has no soft limits in its drive.
+    let own_limits = (
+        "drive_soft_limits = true\n\n[[axis]]\nname = \"Z\"",
+        "\n[[axis]]\nname = \"Z\"",
+    );
+    is_known_again("csp", &[by_hand, own_limits], Address::new(0x1018, 4));
+    is_known_again("mixed", &[by_hand], Address::new(0x2007, 0));
 }
 
 #[test]

@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use syncline_tests::command::{Folder, ended, machine_file, machine_with, root, syncline};
 
 /// What `validate` makes of a day: its exit code, JSON and what it told.
-struct Day {
+pub(super) struct Day {
     folder: Folder,
-    code: i32,
-    json: Value,
-    told: String,
+    pub(super) code: i32,
+    pub(super) json: Value,
+    pub(super) told: String,
 }
 
 impl Day {
@@ -33,7 +33,7 @@ impl Day {
         }
     }
 
-    fn of(machine: &Path, events: &str, more: &[&str]) -> Self {
+    pub(super) fn of(machine: &Path, events: &str, more: &[&str]) -> Self {
         let folder = Folder::new();
         let events = folder.file("day.csv", &format!("t_s,event,value\n{events}"));
         Self::play(machine, &events, more)
@@ -44,12 +44,12 @@ impl Day {
         number.unwrap_or_else(|| panic!("no number {pointer} in {:#}", self.json))
     }
 
-    fn frames(&self) -> &str {
+    pub(super) fn frames(&self) -> &str {
         self.json["frames_sha256"].as_str().unwrap()
     }
 
     /// Exit code and output of its replay.
-    fn replay(&self, machine: &Path) -> (i32, String) {
+    pub(super) fn replay(&self, machine: &Path) -> (i32, String) {
         let output = syncline()
             .args([Path::new("replay"), &self.folder.path("log"), machine])
             .args([Path::new("--commands"), &self.folder.path("commands")])

@@ -91,7 +91,7 @@ impl AxisControl {
 
     /// Whether an encoder, which was heard since, has stood since a drive was asked for the position that it told last.
     fn has_stood(&self, encoder: &DeviceNode, drive: &DeviceNode) -> bool {
-        let before = f64::from(encoder.still().saturating_sub(drive.unknown()));
+        let before = f64::from(encoder.steady().saturating_sub(drive.unknown()));
         let under_way = drive.sdo_response().max(STILL);
         encoder.age() <= drive.unknown() && before * self.period >= under_way.as_secs_f64()
     }

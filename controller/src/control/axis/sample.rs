@@ -3,8 +3,10 @@
 /// What an axis did at one SYNC.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AxisSample {
-    /// The setpoint that the drives latched, before quantisation, mm.
+    /// The setpoint that the drives latched, of a gantry the side that is worse off, before quantisation, mm.
     pub set: f64,
+    /// Where each side was to be by the setpoint that it latched itself, mm: sides that are late by different times latch different ones.
+    pub of_side: [f64; 2],
     /// Actual position in the plan's frame, mm; of a gantry the side that is worse off.
     pub act: f64,
     /// Setpoint minus actual position after removing the interpolation delay, mm.

@@ -1,7 +1,7 @@
 //! Why an axis was not homed.
 
 use super::super::layout::AxisSpec;
-use crate::machine::{HomingMethod, NotKept};
+use crate::machine::{HomingMethod, NotKept, OtherMark};
 
 /// Why a homing failed. The axes came to rest; this one is not referenced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,6 +105,16 @@ impl NotRecalled {
             Self::NotKept(NotKept::Unknown) => "nothing is known of it from before".to_owned(),
             Self::NotKept(NotKept::OtherCounts { .. }) => {
                 "its drives, their scaling, direction or `zero` are not those of before".to_owned()
+            }
+            Self::NotKept(NotKept::OtherDevice(OtherMark {
+                object,
+                before,
+                now,
+            })) => {
+                let now = now.map_or("is not there".to_owned(), |now| format!("reads {now}"));
+                format!(
+                    "a drive of it, or the motor on it, is another one ({object} {now}, and was {before})"
+                )
             }
             Self::Moved(by) => {
                 format!("it has moved by {by:.3} {unit} while it was off, more than `moved_limit`")

@@ -1,7 +1,7 @@
 //! What the count of a device means: from which position it counts, and whether that still holds.
 
 use super::DeviceNode;
-use crate::machine::Kept;
+use crate::machine::{Kept, OtherMark};
 use syncline_canopen::{Instant, nmt};
 use syncline_drives::model::{Increments, Monitoring, unwrapped};
 
@@ -14,11 +14,28 @@ impl DeviceNode {
         self.actual - kept.position
     }
 
+    /// What shows that it, or the motor that counts for it, is another one than the one whose count was kept: an object, and what
+    /// that reads now and read before.
+    pub(in crate::control) fn other_mark(&self, kept: &Kept) -> Option<OtherMark> {
+        let read = self.sequence.marks();
+        let marks = (self.device.spec().marks.into_iter()).zip(read.into_iter().zip(kept.marks));
+        let mut others = marks.filter_map(|(object, (now, before))| {
+            let (object, before) = (object?, before?);
+            (now != Some(before)).then_some(OtherMark {
+                object,
+                before,
+                now,
+            })
+        });
+        others.next()
+    }
+
     /// What is to be kept of it.
     pub(in crate::control) fn kept(&self) -> Kept {
         Kept {
             origin: self.origin,
             position: self.actual,
+            marks: self.sequence.marks(),
         }
     }
 

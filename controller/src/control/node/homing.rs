@@ -38,7 +38,7 @@ impl DeviceNode {
 
     /// For how many cycles it has moved since it was told to halt, where it stands still after so many cycles at one place.
     pub(in crate::control) fn watch_halt(&mut self, still: u32) -> u64 {
-        let moves = self.power == PowerCommand::Halt && self.still < still;
+        let moves = self.power == PowerCommand::Halt && self.still() < still;
         self.unhalted = if moves { self.unhalted + 1 } else { 0 };
         self.unhalted
     }

@@ -156,7 +156,11 @@ pub(in crate::model) fn in_motion(position: Increments) -> [u8; 6] {
 ///
 /// Halt (bit 8) waits until a target that is on its way was taken: by what comes later nobody could tell whether
 /// the drive saw bit 4 rise before it halted.
-#[derive(Clone, Debug, Default)]
+///
+/// Bit 10 tells that it has come to its target, or that it rests as it was to halt; it falls as a target is taken, and as the drive
+/// goes on after a halt. One that tells its state in each cycle may still tell the old one then, so that it has to tell it several
+/// times in a row.
+#[derive(Clone, Debug)]
 pub(in crate::model) struct Targets {
     /// Where it was sent last, and from where, since it was enabled.
     last: Option<[Increments; 2]>,
@@ -168,13 +172,53 @@ pub(in crate::model) struct Targets {
     halted: bool,
     /// Bit 12 has to fall before the next target can be sent.
     blocked: bool,
+    /// It has not told yet that it has come to the last target.
+    goes: bool,
+    /// How often in a row it has told so since it took that, and was not to halt; and how often it has to.
+    reached: u32,
+    often: u32,
+    /// Bit 8 is set.
+    halts: bool,
 }
 
+/// So often in a row a drive tells that it has come to its target that tells its state in each cycle.
+pub(in crate::model) const IN_EACH_CYCLE: u32 = 4;
+
 impl Targets {
+    /// Of a drive that tells so often in a row that it has come to its target.
+    pub(in crate::model) fn told(often: u32) -> Self {
+        Self {
+            last: None,
+            asks: false,
+            taken: false,
+            halted: false,
+            blocked: false,
+            goes: false,
+            reached: 0,
+            often,
+            halts: false,
+        }
+    }
+
     /// Takes what the drive says.
     pub(in crate::model) fn status(&mut self, statusword: Statusword) {
         self.taken = statusword.has(Statusword::MODE_12);
         self.asks &= !self.taken;
+        let counts = !self.asks && !self.halts && statusword.has(Statusword::TARGET_REACHED);
+        self.reached = if counts { self.reached + 1 } else { 0 };
+        self.goes &= self.reached < self.often;
+    }
+
+    /// Takes what the drive says of its target when it is asked for its statusword: its T_PDO may be lost. The handshake goes by that
+    /// alone, as an answer may be older.
+    pub(in crate::model) fn answer(&mut self, statusword: Statusword) {
+        let there = !self.asks && !self.halts && statusword.has(Statusword::TARGET_REACHED);
+        self.goes &= !there;
+    }
+
+    /// Whether it has not told yet that it has come to the last target.
+    pub(in crate::model) fn is_under_way(&self) -> bool {
+        self.goes
     }
 
     /// Whether the handshake waits for the drive: for bit 12 to rise with the last target, or to fall before the next.
@@ -194,7 +238,7 @@ impl Targets {
         if !runs && command != PowerCommand::Enable {
             *self = Self {
                 taken: self.taken,
-                ..Self::default()
+                ..Self::told(self.often)
             };
             return (0, [target; 2]);
         }
@@ -203,7 +247,8 @@ impl Targets {
         let new = target != last || anew && self.halted;
         self.blocked = runs && new && self.taken;
         if runs && new && !self.asks && !self.taken {
-            (self.asks, self.halted) = (true, false);
+            (self.asks, self.halted, self.halts) = (true, false, false);
+            (self.goes, self.reached) = (true, 0);
             // Sent once more, it is on the way from where it set off.
             let from = if target == last { from } else { last };
             self.last = Some([target, from]);
@@ -214,7 +259,8 @@ impl Targets {
             (false, true) => 0,
             (false, false) => Controlword::HALT,
         };
-        self.halted |= bits == Controlword::HALT && last != from;
+        self.halts = bits == Controlword::HALT;
+        self.halted |= self.halts && last != from;
         (bits, [last, from])
     }
 }
@@ -325,7 +371,7 @@ mod tests {
         fn each_target_starts_once(
             steps in prop::collection::vec((0..4i32, any::<bool>(), any::<bool>(), any::<bool>()), 1..80),
         ) {
-            let (mut targets, mut drive) = (Targets::default(), Drive::default());
+            let (mut targets, mut drive) = (Targets::told(1), Drive::default());
             let mut wanted = vec![0];
             for (target, runs, sees, says) in steps {
                 let target = i64::from(target);
@@ -355,7 +401,7 @@ mod tests {
     #[test]
     fn a_halt_waits_for_the_handshake_and_power_off_forgets_the_target() {
         use PowerCommand::{Disable, Enable, Run};
-        let mut targets = Targets::default();
+        let mut targets = Targets::told(1);
         let send = |targets: &mut Targets, command, to| {
             let (bits, [to, from]) = targets.send(command, Increments::new(to), true);
             (bits, to.get(), from.get())

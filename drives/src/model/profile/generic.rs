@@ -217,6 +217,8 @@ pub(in crate::model) fn spec(
     setup.extend(communication::supervision(monitoring, &settings.heartbeat));
     let spec = NodeSpec {
         identity: identity(assumed, kind, &pdos),
+        // The serial number (CiA 301, 7.5.2.24), which a device need not have.
+        marks: [Some(Address::new(0x1018, 4)), None],
         history: cia402::HISTORY.to_vec(),
         // Older devices, which have no heartbeat, need not say that they have booted.
         tells_boot_up: monitoring == Monitoring::Heartbeat,

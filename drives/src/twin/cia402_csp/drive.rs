@@ -462,6 +462,7 @@ impl ServoFirmware for Drive {
         match disturbance {
             Disturbance::Remote(remote) => self.servo.remote = remote,
             Disturbance::Vendor(id) => self.preset(Address::new(0x1018, 1), id.into()),
+            Disturbance::Replaced(by) => self.preset(Address::new(0x1018, 4), by.into()),
             // It has no inputs.
             _ => {}
         }

@@ -128,6 +128,7 @@ impl Drive {
             (0x1018, 1, identity.vendor_id),
             (0x1018, 2, identity.product_code),
             (0x1018, 3, identity.revision),
+            (0x300D, 3, identity.encoder_type.into()),
         ] {
             objects.put(index, sub, value.into());
         }

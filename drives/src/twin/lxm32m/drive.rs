@@ -622,6 +622,7 @@ impl ServoFirmware for Drive {
             Disturbance::Remote(remote) => self.servo.remote = remote,
             Disturbance::Input(input, on) => self.switches.sense(input, on),
             Disturbance::Vendor(id) => self.identity.vendor_id = id,
+            Disturbance::Replaced(by) => self.identity.encoder_type = by.into(),
             // The rest is the node's and the shaft's.
             _ => {}
         }

@@ -156,6 +156,8 @@ pub struct Identity {
     pub product_code: u32,
     /// 1018h:3.
     pub revision: u32,
+    /// 300Dh:3, of the motor's encoder (lxm32m 2373).
+    pub encoder_type: u16,
     /// 1008h; padded with spaces to 8 bytes like the next two.
     pub name: String,
     /// 1009h.
@@ -171,6 +173,7 @@ impl Default for Identity {
             vendor_id: 0x0800_005A,
             product_code: 0,
             revision: 0,
+            encoder_type: 0,
             name: "LXM32M".into(),
             hardware: String::new(),
             software: "V01.00".into(),

@@ -437,6 +437,7 @@ impl ServoFirmware for Drive {
         match disturbance {
             Disturbance::Remote(remote) => self.take_control(remote),
             Disturbance::Vendor(id) => self.preset(Address::new(0x1018, 1), id.into()),
+            Disturbance::Replaced(by) => self.preset(Address::new(0x2007, 0), by.into()),
             // Its inputs are set by [`Twin::set_inputs`].
             _ => {}
         }
