@@ -307,8 +307,14 @@ fn each_side_of_a_gantry_needs_its_switch() {
     let x2 = "drive = \"X2\"\nsignal = \"DI0\"\nfunction = \"home\"\nsimulated = [-60.0, -4.0]";
     let without = "drive = \"X2\"\nsignal = \"DI0\"\nfunction = \"home\"";
     let mut rig = switched_on(&[(x2, without)]);
-    go(&mut rig, home(AxisLetter::X));
+    rig.command(home(AxisLetter::X));
+    let mut skew = 0.0_f64;
+    while failure(&rig).is_none() && rig.step() {
+        skew = skew.max(apart(&mut rig).abs());
+    }
+    settle(&mut rig);
     assert_eq!(failure(&rig), Some(HomingFailure::OneSide { side: 1 }));
+    assert!(skew < 0.5, "{skew} mm");
     // A side that is jammed stops both.
     for side in [X1, X2] {
         let mut rig = switched_on(&[]);
@@ -323,12 +329,8 @@ fn each_side_of_a_gantry_needs_its_switch() {
         let fault = rig.session.faults()[0];
         assert!(matches!(fault, Fault::Axis(0, _)), "{fault:?}");
         assert!(!is_referenced(&rig, AxisLetter::X));
-        let apart = truth(&mut rig, X1) - truth(&mut rig, X2);
-        // What docs/supervision.md states, at the search's 80 mm/s.
-        let limits = &rig.machine.axes[0].limits;
-        let cycle = rig.machine.cycle.as_secs_f64();
-        let stated = limits.skew.unwrap() + 4.0 * cycle * 80.0 + 3200.0 / braking(&rig);
-        assert!(apart.abs() < stated + 0.1, "{apart} of {stated}");
+        let apart = apart(&mut rig);
+        assert!(apart.abs() < most_skew(&rig), "{apart}");
     }
 }
 
@@ -371,8 +373,8 @@ impl Blocked {
         }
     }
 
-    /// Homes it, and has it stopped on the way.
-    fn play(&self) -> Rig {
+    /// Homes it, and has it stopped on the way; how far the sides of X got apart meanwhile, mm.
+    fn play(&self) -> (Rig, f64) {
         let start = -4.0
             + if self.on {
                 -self.distance
@@ -398,9 +400,22 @@ impl Blocked {
         for (drive, _) in drives.iter().zip(self.sides).filter(|(_, stops)| *stops) {
             rig.twin(*drive).disturb(Disturbance::Block(true));
         }
+        let mut skew = 0.0_f64;
+        while state(&rig) == State::Homing && rig.step() {
+            skew = skew.max(apart(&mut rig).abs());
+        }
         settle(&mut rig);
-        rig
+        skew = skew.max(apart(&mut rig).abs());
+        (rig, skew)
     }
+}
+
+/// How far the sides of X may get apart on their way to their switches, whatever holds one of them: what docs/supervision.md
+/// states, at the search's 80 mm/s, and what a loop overshoots as it stops.
+fn most_skew(rig: &Rig) -> f64 {
+    let limits = &rig.machine.axes[0].limits;
+    let cycle = rig.machine.cycle.as_secs_f64();
+    limits.skew.unwrap() + 4.0 * cycle * 80.0 + 3200.0 / braking(rig) + 0.1
 }
 
 proptest! {
@@ -409,9 +424,10 @@ proptest! {
     /// What stops an axis while it searches is told by what it may be, and as the fault that it is.
     #[test]
     fn what_stops_a_search_is_told(case in blocked()) {
-        let mut rig = case.play();
+        let (mut rig, skew) = case.play();
         prop_assert_eq!(state(&rig), State::Faulted, "{:?}", rig.events);
         prop_assert_eq!(failure(&rig), Some(case.expected()));
+        prop_assert!(skew < most_skew(&rig), "{} mm", skew);
         let fault = rig.session.faults()[0];
         prop_assert!(matches!(fault, Fault::Axis(..)), "{:?}", fault);
         prop_assert!(!is_referenced(&rig, case.axis));
@@ -824,6 +840,14 @@ fn contact_interrupts_squaring() {
             && apart.is_some_and(|apart| (0.5..2.0).contains(&apart.abs()))
     });
     rig.twin(X1).disturb(Disturbance::Input(1, true));
+    // They come to rest on the plan that takes the squareness out.
+    while state(&rig) == State::Homing && rig.step() {
+        let Some(planned) = planned(&mut rig) else {
+            continue;
+        };
+        let skew = apart(&mut rig) - planned;
+        assert!(skew.abs() < 0.5, "{skew} beside {planned}");
+    }
     settle(&mut rig);
     assert!(rig.events.contains(&Event::Touched), "{:?}", rig.events);
     assert_eq!(state(&rig), State::Ready);
