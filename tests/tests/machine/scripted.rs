@@ -116,6 +116,21 @@ fn outputs_are_told_as_they_are_at_their_terminals() {
     assert_eq!(states[..4], wanted, "{states:?}");
 }
 
+/// A program that begins by switching on what is safe on, and is on, never has it off, and nobody is told so.
+#[test]
+fn no_state_is_told_that_never_was() {
+    let folder = Folder::new();
+    let part = folder.file("part.ngc", "G21 G90\nM64 P1\nM8\nG1 X5 F1500\nM9\nM2\n");
+    let events = format!(",home,\n,load,{}\n,run,\n", part.display());
+    let day = Day::of(&machine_file("mill"), &events, &[]);
+    assert_eq!(day.code, 0, "{}", day.told);
+    let states = day.json["switched"].as_array().expect("states");
+    assert!(states.iter().any(|it| it["coolant"] == 2), "{states:?}");
+    let on = |it: &Value| it["digital_outputs"][0] == 1;
+    assert!(states.iter().all(on), "{states:?}");
+    assert!(!day.told.contains("output \"clamp\" off"), "{}", day.told);
+}
+
 /// What a program begins with was told as it was begun: no hand switches it while that is held before its first block.
 #[test]
 fn a_program_that_is_held_before_its_first_block_keeps_the_outputs_that_it_began_with() {
