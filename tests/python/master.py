@@ -7,10 +7,16 @@ import time
 from contextlib import contextmanager
 
 import canopen
+from canopen.profiles.p402 import BaseNode402
 
 STATE_MASK = 0x6F
 OPERATION_ENABLED = 0x27
 TARGET_REACHED, BIT_12 = 1 << 10, 1 << 12
+
+# A host that others share may keep a state from coming for longer than python-canopen waits by itself.
+BaseNode402.TIMEOUT_SWITCH_OP_MODE = 10.0
+BaseNode402.TIMEOUT_SWITCH_STATE_FINAL = 10.0
+BaseNode402.TIMEOUT_SWITCH_STATE_SINGLE = 10.0
 
 
 class Network(canopen.Network):
