@@ -2,7 +2,7 @@
 
 use crate::validate::digest;
 use syncline_controller::control::fault::AxisCause;
-use syncline_controller::control::{End, Fault};
+use syncline_controller::control::{End, Event, Fault};
 use syncline_drives::twin::{Disturbance, Observation};
 use syncline_tests::command::{Folder, machine_with};
 use syncline_tests::rig::{PORTAL_PROGRAM, Rig};
@@ -92,13 +92,16 @@ fn a_gantry_that_silently_loses_a_side_is_quick_stopped() {
     let mut rig = portal(true);
     rig.run_to_row(ON_THE_ARC);
     rig.twin(X1).disturb(Disturbance::LoseTorque(true));
+    let is_fault = |event: &Event| matches!(event, Event::Fault(_));
+    rig.run_until(|rig| rig.events.iter().any(is_fault));
+    let told = rig.session.timeline().now();
     let fault = rig.finish_with_fault();
     let silently = matches!(
         fault,
         Fault::Axis(0, AxisCause::Skew { .. } | AxisCause::FollowingError { .. })
     );
     assert!(silently, "{fault:?}");
-    // By the same burst.
+    // By the same burst, within two cycles.
     let [one, other] = [X1, X2].map(|drive| {
         let commands = rig.commands(drive);
         let quick_stop = commands.iter().find(|(_, word, _)| *word == 0x0B);
@@ -106,6 +109,7 @@ fn a_gantry_that_silently_loses_a_side_is_quick_stopped() {
     });
     let cycle = rig.machine.cycle;
     assert!(other - one < cycle / 4, "{one:?} {other:?}");
+    assert!(other <= told + 2 * cycle, "{other:?}, told at {told:?}");
     rig.trace().assert_within_limits();
     assert!(rig.ends_at_rest());
     for drive in 0..rig.machine.drives.len() {
