@@ -204,16 +204,22 @@ impl Targets {
     pub(in crate::model) fn status(&mut self, statusword: Statusword) {
         self.taken = statusword.has(Statusword::MODE_12);
         self.asks &= !self.taken;
-        let counts = !self.asks && !self.halts && statusword.has(Statusword::TARGET_REACHED);
-        self.reached = if counts { self.reached + 1 } else { 0 };
+        self.reached = match self.is_there(statusword) {
+            true => self.reached.saturating_add(1),
+            false => 0,
+        };
         self.goes &= self.reached < self.often;
     }
 
     /// Takes what the drive says of its target when it is asked for its statusword: its T_PDO may be lost. The handshake goes by that
     /// alone, as an answer may be older.
     pub(in crate::model) fn answer(&mut self, statusword: Statusword) {
-        let there = !self.asks && !self.halts && statusword.has(Statusword::TARGET_REACHED);
-        self.goes &= !there;
+        self.goes &= !self.is_there(statusword);
+    }
+
+    /// Whether a statusword says of the last target that the drive has come there.
+    fn is_there(&self, statusword: Statusword) -> bool {
+        !self.asks && !self.halts && statusword.has(Statusword::TARGET_REACHED)
     }
 
     /// Whether it has not told yet that it has come to the last target.
