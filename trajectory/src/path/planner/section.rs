@@ -207,8 +207,9 @@ pub(super) fn block_end<const N: usize>(
     limits: &Limits<N>,
 ) -> f64 {
     let room = (LIKELY * room_to_stop(path_segments, limits, from)).max(NOTHING);
-    let known = (section.ends.len()).saturating_sub(usize::from(!section.closed));
     let first = (section.ends).partition_point(|end| end.at - from.distance < room);
-    let end = section.ends.iter().take(known).nth(first);
+    // What comes next may yet end in a rounding, but where the path is laid beyond it.
+    let is_known = |end: &&MoveEnd| section.closed || end.at < section.length - NOTHING;
+    let end = section.ends.get(first).filter(is_known);
     end.map_or(f64::INFINITY, |end| end.at)
 }
