@@ -7,7 +7,7 @@
 //! curvature, each the best (by least squares) for points far beyond its own end: the next one starts
 //! from where data on both sides held the curve, not from where it was let go. Every point and every
 //! short segment is measured. Lines that are shorter still turn by whatever they like, as a zigzag within the tolerance
-//! does: they are one curve as far as that stays within it. Where no curve can be, at a corner above all, a line takes the place
+//! does: they are one curve as far as that stays within it: it is measured. Where no curve can be, at a corner above all, a line takes the place
 //! of as many as it stays near: what is shorter than a rounding can be would be two stops. Where a program says within what lines are to be merged, they
 //! are, however long they are.
 //!
@@ -28,6 +28,10 @@ const SHORT: f64 = 100.0;
 const GENTLE: f64 = 0.9;
 /// … unless all are no longer than this part of the tolerance: whatever they turn by stays within that.
 const TINY: f64 = 0.5;
+/// Lines of up to so many mm are also tried as a curve, whatever they turn by, where they are no longer than two tolerances: on each
+/// of them all axes would stop and start, so that nearly any curve is sooner. (Of any length, with tolerances of millimetres, moves of
+/// centimetres became curves that took up to 3 % longer.)
+const FINE: f64 = 0.2;
 /// Part of the tolerance that a polynomial may stray between two others, …
 const SHARE: f64 = 0.97;
 /// … where what is left is for a blend with what comes before or after, …
@@ -62,7 +66,7 @@ pub struct ShortSegments<const N: usize> {
     heading: [f64; N],
     /// All of them are short, and turn little from one to the next.
     gentle: bool,
-    /// All of them are so short that whatever they turn by stays within the tolerance.
+    /// All of them are so short that they are tried as a curve whatever they turn by.
     tiny: bool,
     /// The line that stands for all of them, if one does, and how far it strays.
     line: Option<(Curve<N>, f64)>,
@@ -128,7 +132,7 @@ impl<const N: usize> ShortSegments<N> {
             ],
             heading,
             gentle,
-            tiny: is_short(motion, &heading, TINY * tolerance),
+            tiny: is_short(motion, &heading, tiny(tolerance)),
             line: Some((motion.curve, 0.0)),
             knot: None,
             reach: MOST,
@@ -141,7 +145,7 @@ impl<const N: usize> ShortSegments<N> {
         let turn: f64 = (0..N.min(3)).map(|i| heading[i] * self.heading[i]).sum();
         let gentle =
             self.gentle && turn >= GENTLE && is_short(motion, &heading, SHORT * self.tolerance);
-        let tiny = self.tiny && is_short(motion, &heading, TINY * self.tolerance);
+        let tiny = self.tiny && is_short(motion, &heading, tiny(self.tolerance));
         let [mode, last] = [motion.mode, self.last.mode];
         let merged = merged_within(mode);
         let alike = mode.rounding() == last.rounding() && merged == merged_within(last);
@@ -483,6 +487,11 @@ fn way<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
 /// Tolerances of curves in place of short segments where so much is allowed, mm, the greatest first.
 pub fn grades(tolerance: f64) -> impl Iterator<Item = f64> {
     GRADES.into_iter().filter(move |it| *it <= tolerance)
+}
+
+/// How long lines may be that turn by anything, mm.
+fn tiny(tolerance: f64) -> f64 {
+    (TINY * tolerance).max(FINE.min(2.0 * tolerance))
 }
 
 /// Whether a line is no longer than `most` mm, and the tool's.

@@ -320,6 +320,32 @@ fn a_fine_zigzag_is_passed_as_the_line_it_is() {
     }
 }
 
+/// So are longer ones, up to two tolerances, that turn by more than short segments of a curve do. While lines above half of a
+/// tolerance counted as corners, these ran at a thirtieth of their feed.
+#[test]
+fn a_zigzag_in_lines_of_a_tolerance_is_passed_as_the_line_it_is() {
+    for tolerance in [0.01, 0.1] {
+        for (along, aside) in [(0.31, 0.42), (0.5, 0.5), (1.0, 0.5), (1.6, 0.8)] {
+            let [along, aside] = [along, aside].map(|it| it * tolerance);
+            let point = |k: u32| [f64::from(k) * along, f64::from(k % 2) * aside, 0.0];
+            let points: Vec<_> = (0..=4_000).map(point).collect();
+            let program = Program::polyline(PLAIN, &points, Feed::Rate(10.0));
+            let ends = [points[0], points[4_000]];
+            let straight = Program::polyline(PLAIN, &ends, Feed::Rate(10.0)).stopping();
+            let time = program.cost(PathControlMode::Blend(tolerance)).time;
+            println!(
+                "{along:.4} along, {aside:.4} aside, P{tolerance}: {time:.3} s, {:.3} s straight",
+                straight.time
+            );
+            assert!(
+                time < 1.2 * straight.time,
+                "{time} s, {} s straight, lines of {along} and {aside} mm within {tolerance}",
+                straight.time
+            );
+        }
+    }
+}
+
 /// Lines of one length that turn by one angle, as CAM writes them with so many decimals.
 fn star(turn: f64, length: f64, decimals: i32, lines: usize) -> Program<2> {
     const LIMITS: Limits<2> = Limits {
