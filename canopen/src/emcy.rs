@@ -30,6 +30,8 @@ pub mod code {
     pub const LIFE_GUARD_OR_HEARTBEAT: u16 = 0x8130;
     /// A PDO was too short to be processed.
     pub const PDO_TOO_SHORT: u16 = 0x8210;
+    /// A drive's position does not follow its demand value (CiA 402).
+    pub const FOLLOWING_ERROR: u16 = 0x8611;
 }
 
 /// An emergency message's content.

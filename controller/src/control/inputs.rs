@@ -139,6 +139,12 @@ pub(super) struct Awaited {
 }
 
 impl<const N: usize> Controller<N> {
+    /// Whether an input is on, as its node has told last, before it is debounced; `None` while that has not told.
+    pub(super) fn level(&self, input: &Input) -> Option<bool> {
+        let level = self.nodes[input.node].signal(input.signal)?;
+        Some(level != input.active_low)
+    }
+
     /// Looks at the inputs and acts on what has changed.
     ///
     /// # Errors
@@ -146,9 +152,10 @@ impl<const N: usize> Controller<N> {
     pub(super) fn watch_inputs(&mut self) -> Result<(), Fault> {
         let layout = Arc::clone(&self.layout);
         for (index, input) in layout.inputs.iter().enumerate() {
-            let level = self.nodes[input.node].signal(input.signal);
-            let level = level.map(|level| level != input.active_low);
-            if let Some(change) = level.and_then(|level| self.inputs.0[index].take(level)) {
+            if let Some(change) = self
+                .level(input)
+                .and_then(|level| self.inputs.0[index].take(level))
+            {
                 let on = change != Change::Off;
                 self.tell(Event::Input { input: index, on });
                 if change == Change::On {

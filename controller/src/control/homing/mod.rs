@@ -39,6 +39,7 @@ use hard_stop::HardStop;
 use std::mem::replace;
 use std::sync::Arc;
 use switch::{Motion, Progress, Search, Seen};
+use syncline_canopen::emcy::code;
 use syncline_drives::model::Direction;
 use syncline_gcode::AxisLetter;
 use syncline_trajectory::limits::{Limits, PositionLimits};
@@ -310,21 +311,34 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// Tells what an axis that does not follow while it searches may have met. The fault that this is stops it.
+    /// Tells what an axis that does not follow while it searches may have met, also where its drive is the first to say
+    /// so. The fault that this is stops it.
     pub(super) fn explain_search(&mut self, fault: &Fault) {
-        if let Fault::Device(
-            drive,
-            DeviceCause::Emergency { .. }
-            | DeviceCause::Reported { .. }
-            | DeviceCause::NotFollowing { .. },
-        ) = *fault
-        {
-            return self.explain_homing(drive);
+        match *fault {
+            Fault::Axis(axis, AxisCause::FollowingError { .. } | AxisCause::Skew { .. }) => {
+                self.explain_blocked(axis);
+            }
+            Fault::Device(drive, cause) => {
+                let lags = match cause {
+                    DeviceCause::Emergency { emergency } => emergency.code == code::FOLLOWING_ERROR,
+                    DeviceCause::Reported { .. } | DeviceCause::NotFollowing { .. } => false,
+                    _ => return,
+                };
+                let mut axes = self.layout.axes.iter();
+                let Some(axis) = axes.position(|axis| axis.drives.contains(&drive)) else {
+                    return;
+                };
+                match self.homing.by_drive[axis].moves() {
+                    true => self.explain_homing(axis),
+                    false if lags => self.explain_blocked(axis),
+                    false => {}
+                }
+            }
+            _ => {}
         }
-        let Fault::Axis(axis, AxisCause::FollowingError { .. } | AxisCause::Skew { .. }) = *fault
-        else {
-            return;
-        };
+    }
+
+    fn explain_blocked(&mut self, axis: AxisIndex) {
         let searches = has(self.homing.group & !self.homing.found, axis);
         if self.homing.stage != Stage::Searching || !searches {
             return;
@@ -350,13 +364,9 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// Tells that a drive did not get home by itself. The fault that this is stops it.
-    fn explain_homing(&mut self, drive: usize) {
-        let homing = &self.homing;
-        let at_work = |axis: &AxisIndex| has(homing.group, *axis) && homing.by_drive[*axis].moves();
-        let own = |axis: &AxisIndex| self.layout.axes[*axis].drives.contains(&drive);
-        let axis = (0..self.axes.len()).find(|axis| own(axis) && at_work(axis));
-        if let Some(axis) = axis.filter(|_| homing.stage == Stage::Searching) {
+    /// Tells that the drive of an axis did not get home by itself.
+    fn explain_homing(&mut self, axis: AxisIndex) {
+        if self.homing.stage == Stage::Searching && has(self.homing.group, axis) {
             let failure = HomingFailure::NotHome;
             self.tell(Event::HomingFailed { axis, failure });
         }
@@ -455,7 +465,7 @@ impl<const N: usize> Controller<N> {
         let mut on = [false; 2];
         for (on, &input) in on.iter_mut().zip(inputs) {
             let input = &self.layout.inputs[input];
-            *on = self.nodes[input.node].signal(input.signal)? != input.active_low;
+            *on = self.level(input)?;
         }
         Some(on)
     }

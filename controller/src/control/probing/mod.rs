@@ -160,10 +160,7 @@ impl<const N: usize> Controller<N> {
     fn touches(&self) -> Option<bool> {
         let probes = self.layout.inputs.iter();
         let probes = probes.filter(|input| input.meaning.is_probed());
-        let levels = probes.map(|input| {
-            let level = self.nodes[input.node].signal(input.signal)?;
-            Some(level != input.active_low)
-        });
+        let levels = probes.map(|input| self.level(input));
         levels.fold(None, |any, level| match (any, level) {
             (None, level) => level,
             (any, None) => any,

@@ -17,8 +17,11 @@ pub struct DriveError {
 
 impl DriveError {
     /// The following error was beyond 6065h for longer than 6066h.
-    pub const FOLLOWING_ERROR: Self =
-        Self::new(ErrorClass::StopAndSwitchOff, 0x8611, register::PROFILE);
+    pub const FOLLOWING_ERROR: Self = Self::new(
+        ErrorClass::StopAndSwitchOff,
+        code::FOLLOWING_ERROR,
+        register::PROFILE,
+    );
     /// SYNC stays away while setpoints are followed.
     pub const SYNC_LOST: Self = Self::new(
         ErrorClass::StopAndSwitchOff,
