@@ -1,6 +1,8 @@
 //! A machine that stays on: what it takes in each state, programs that begin at a line, whatever is asked for and
 //! happens; and days at a console, by lines and by keys.
 
+mod mishaps;
+mod scenes;
 mod whole;
 
 use proptest::prelude::*;

@@ -303,6 +303,16 @@ fn a_switch_that_is_loose_is_told() {
 }
 
 #[test]
+fn another_error_of_its_drive_tells_of_nothing_in_the_way() {
+    let mut rig = switched_on(&[]);
+    let deeds = [(Y, Disturbance::Mains(false))];
+    disturbed(&mut rig, AxisLetter::Y, 30.0, &deeds);
+    let fault = rig.session.faults()[0];
+    assert!(matches!(fault, Fault::Device(Y, _)), "{fault:?}");
+    assert_eq!((state(&rig), failure(&rig)), (State::Faulted, None));
+}
+
+#[test]
 fn each_side_of_a_gantry_needs_its_switch() {
     let x2 = "drive = \"X2\"\nsignal = \"DI0\"\nfunction = \"home\"\nsimulated = [-60.0, -4.0]";
     let without = "drive = \"X2\"\nsignal = \"DI0\"\nfunction = \"home\"";
