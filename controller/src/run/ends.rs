@@ -73,7 +73,7 @@ impl HandedOver {
         match report {
             CycleReport::Event(Event::JobOver { job, .. }) => self.over(*job),
             CycleReport::Obeyed { number, .. } => {
-                // Orders that nothing came of are not reported one by one.
+                // Also those before it, whose report may be lost.
                 self.begins.retain(|(order, _)| order > number);
             }
             CycleReport::Refused { number, .. } => {

@@ -33,7 +33,7 @@ use syncline_gcode::TablesError;
 #[derive(Debug)]
 #[allow(clippy::large_enum_variant)] // a ring's slots are all of one size
 pub enum CycleReport {
-    /// An order took effect, and so did all before it.
+    /// An order took effect, and so did those before it of which no report came.
     Obeyed {
         /// The order's number.
         number: u64,
@@ -135,6 +135,23 @@ pub trait Timeline {
     }
 }
 
+/// Has a controller obey an order, and says what became of that.
+fn obey(controller: &mut Controller<COORDINATES>, number: u64, order: Order) -> CycleReport {
+    let cycle = controller.cycle();
+    match controller.obey(order) {
+        Ok(()) => CycleReport::Obeyed {
+            number,
+            cycle,
+            functions: controller.functions(),
+        },
+        Err(refusal) => CycleReport::Refused {
+            number,
+            cycle,
+            refusal,
+        },
+    }
+}
+
 /// Orders on their way into a cycle whose time is not the host's.
 #[derive(Debug, Default)]
 struct Orders(VecDeque<(u64, Order)>);
@@ -150,20 +167,8 @@ impl Orders {
         controller: &mut Controller<COORDINATES>,
         report: &mut dyn FnMut(CycleReport),
     ) {
-        let cycle = controller.cycle();
         for (number, order) in self.0.drain(..) {
-            report(match controller.obey(order) {
-                Ok(()) => CycleReport::Obeyed {
-                    number,
-                    cycle,
-                    functions: controller.functions(),
-                },
-                Err(refusal) => CycleReport::Refused {
-                    number,
-                    cycle,
-                    refusal,
-                },
-            });
+            report(obey(controller, number, order));
         }
     }
 }

@@ -17,8 +17,8 @@
 //! meanwhile. It waits for at most `PLAN_PATIENCE` for an instruction: then SYNC goes on as on the host's clock,
 //! what was planned ends at rest, and a path that rests for long without a plan is a fault
 //! ([`NoPlan`](crate::control::Fault::NoPlan)). Once it is to stop it waits for the planner for at most
-//! `PATIENCE` in all, and at all times for whoever takes its reports for at most
-//! `REPORT_PATIENCE` in all: then reports are lost, and counted.
+//! `PATIENCE`, each time anew, and at all times for whoever takes its reports for at most
+//! `REPORT_PATIENCE`, until they are taken again: then reports are lost, and counted.
 
 use super::driver::Driver;
 use super::ends::{Ends, HandedOver};
@@ -31,7 +31,7 @@ use crate::observe::timing::{Distribution, Stage, Stages};
 use crate::port::{Port, Ports};
 use crate::program::{Feeder, Moves, Program};
 use crate::realtime::{self, Granted};
-use rtrb::{Consumer, Producer, PushError, RingBuffer};
+use rtrb::{Consumer, Producer, RingBuffer};
 use std::collections::VecDeque;
 use std::io;
 use std::mem::replace;
@@ -60,9 +60,9 @@ const OWN: u64 = u64::MAX;
 const NAP: Duration = Duration::from_micros(200);
 /// How long it waits for an instruction: longer than any call of the planner takes.
 const PLAN_PATIENCE: Duration = Duration::from_secs(5);
-/// How long a simulated machine waits for its way to rest, in all.
+/// How long a simulated machine waits for one way to rest, in all.
 const PATIENCE: Duration = Duration::from_millis(200);
-/// How long it waits for who takes its reports, in all.
+/// How long it waits for who takes its reports, until they are taken again.
 const REPORT_PATIENCE: Duration = Duration::from_secs(1);
 
 /// How the cycle treats time.
@@ -328,29 +328,15 @@ impl Cycle {
             // A machine that stays on would stay on for nobody; one that is off refuses it.
             let _ = self.driver.controller.obey(Order::SwitchOff);
         }
-        let cycle = self.driver.controller.cycle();
-        let mut last = None;
-        while let Ok((number, order)) = self.orders.pop() {
-            match self.driver.controller.obey(order) {
-                _ if number == OWN => {}
-                Ok(()) => last = Some(number),
-                Err(refusal) => {
-                    last = None;
-                    self.report(CycleReport::Refused {
-                        number,
-                        cycle,
-                        refusal,
-                    });
-                }
+        // As many as there is room for: whoever goes on ordering does not keep the cycle.
+        for _ in 0..ORDERS {
+            let Ok((number, order)) = self.orders.pop() else {
+                break;
+            };
+            let outcome = super::obey(&mut self.driver.controller, number, order);
+            if number != OWN {
+                self.report(outcome);
             }
-        }
-        if let Some(number) = last {
-            let functions = self.driver.controller.functions();
-            self.report(CycleReport::Obeyed {
-                number,
-                cycle,
-                functions,
-            });
         }
     }
 
@@ -359,6 +345,9 @@ impl Cycle {
     fn take_plan(&mut self, most: usize) -> Duration {
         let mut waited = Duration::ZERO;
         let mut taken = 0;
+        if self.driver.controller.phase() != Phase::Stop {
+            self.patience = PATIENCE;
+        }
         self.ask_planner();
         while taken < most && self.driver.controller.room() > 0 {
             self.ask_planner();
@@ -409,6 +398,7 @@ impl Cycle {
         {
             let begun = self.requests.push(PlanRequest::Begin(number, start));
             self.asked_to_begin = job.filter(|_| begun.is_ok()).or(self.asked_to_begin);
+            self.plan_patience = PLAN_PATIENCE;
             self.asked = None;
             self.told_found = None;
             self.told_read = None;
@@ -453,9 +443,14 @@ impl Cycle {
     }
 
     /// Reports something; what finds no room is lost and counted, but a simulated machine waits
-    /// for a while.
-    fn report(&mut self, mut report: CycleReport) {
-        while let Err(PushError::Full(back)) = self.reports.push(report) {
+    /// for a while. Rows leave room for what the session has to know.
+    fn report(&mut self, report: CycleReport) {
+        let kept_free = match report {
+            CycleReport::Row(_) => REPORTS / 2,
+            _ => 0,
+        };
+        let mut waited = false;
+        while self.reports.slots() <= kept_free {
             let waits = self.timing.lockstep && self.report_patience > Duration::ZERO;
             if !waits || self.reports.is_abandoned() {
                 self.measured.lost += 1;
@@ -463,8 +458,14 @@ impl Cycle {
             }
             thread::sleep(NAP);
             self.report_patience = self.report_patience.saturating_sub(NAP);
-            report = back;
+            waited = true;
         }
+        // They are taken: now, or there was far more room than rows may fill.
+        if waited || self.reports.slots() > REPORTS / 2 {
+            self.report_patience = REPORT_PATIENCE;
+        }
+        let given = self.reports.push(report);
+        debug_assert!(given.is_ok(), "there is room");
     }
 }
 
@@ -660,140 +661,4 @@ impl Timeline for RealTime {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::control::{Job, JobKind, State};
-    use crate::port;
-    use crate::program::Programs;
-    use std::path::Path;
-    use syncline_drives::world::Observer;
-
-    const TIMING: Timing = Timing {
-        settings: realtime::Settings {
-            priority: 1,
-            core: None,
-        },
-        spin: Duration::ZERO,
-        lockstep: true,
-        strict: false,
-    };
-
-    /// A simulated portal.
-    fn portal() -> (Machine, Arc<Layout>, World, Ports) {
-        let portal = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/portal/machine.toml");
-        let machine = Machine::load(&portal).unwrap();
-        let layout = Arc::new(Layout::new(&machine).unwrap());
-        let unseen = machine
-            .buses
-            .iter()
-            .map(|_| Box::new(|_: &_| ()) as Observer);
-        let (world, ports) = port::open(&machine, 0, unseen.collect()).unwrap();
-        (machine, layout, world, ports)
-    }
-
-    #[test]
-    fn a_simulated_machine_goes_on_without_an_answer_of_its_planner() {
-        let (_, layout, world, ports) = portal();
-        let (cycle, mut handle, mut queues) = Cycle::new(&layout, world, ports, TIMING);
-        let cycle = thread::spawn(move || cycle.run(|_| ()));
-        while queues.requests.pop().is_err() {
-            while handle.report().is_some() {}
-            thread::sleep(NAP);
-        }
-        // The program is to begin, and nothing comes of it.
-        let asked = realtime::now();
-        let mut cycles = 0;
-        while cycles < 100 {
-            match handle.report() {
-                Some(CycleReport::Row(_)) => cycles += 1,
-                Some(_) => {}
-                None => thread::sleep(NAP),
-            }
-            let waited = realtime::now().saturating_since(asked);
-            assert!(waited < 3 * PLAN_PATIENCE, "{cycles} cycles");
-        }
-        drop((handle, queues));
-        cycle.join().unwrap();
-    }
-
-    #[test]
-    fn no_order_gets_lost_while_the_cycle_stands() {
-        let (orders, mut taken) = RingBuffer::new(ORDERS);
-        let (_, reports) = RingBuffer::new(1);
-        let (_, carried) = RingBuffer::new(1);
-        let mut handle = CycleHandle {
-            orders,
-            waiting: VecDeque::new(),
-            reports,
-            carried,
-        };
-        let many = 2 * ORDERS as u64;
-        for number in 0..many {
-            handle.order(number, Order::Retrace);
-        }
-        handle.order(many, Order::Interrupt);
-        let mut last = None;
-        for _ in 0..=many {
-            last = taken.pop().ok();
-            assert!(handle.report().is_none());
-        }
-        assert_eq!(last, Some((many, Order::Interrupt)));
-    }
-
-    /// A job that computes without end is held, and lines that are typed in take its place: they are planned.
-    #[test]
-    fn a_job_that_computes_without_end_makes_way_for_the_next() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("p.ngc");
-        std::fs::write(&file, "M3 S100\nM99\n").unwrap();
-        let (machine, layout, world, ports) = portal();
-        let portal = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/portal/machine.toml");
-        let programs = Programs::new(&machine, &portal).unwrap();
-        let endless = Program::new(&file, &machine, &portal).unwrap().stream(true);
-        let lines = programs.lines("G0 X1");
-        let mut running =
-            RealTime::stay_on(&machine, &layout, world, ports, TIMING, |_| ()).unwrap();
-        let until = |running: &mut RealTime, is_it: &dyn Fn(&CycleReport) -> bool| {
-            let begun = realtime::now();
-            let mut came = false;
-            while !came {
-                let waited = realtime::now().saturating_since(begun);
-                assert!(waited < 4 * PLAN_PATIENCE, "it does not come");
-                let progress = running
-                    .advance(&mut |report| came |= is_it(&report))
-                    .unwrap();
-                if progress == Progress::Idle {
-                    thread::sleep(NAP);
-                }
-            }
-        };
-        let is_state = |report: &CycleReport, is: State| matches!(report, CycleReport::Event(Event::State(it)) if *it == is);
-        until(&mut running, &|report| is_state(report, State::Ready));
-        for (number, kind, program) in [(1, JobKind::Program, endless), (2, JobKind::Mdi, lines)] {
-            let job = Job {
-                number,
-                kind,
-                ..Job::ONLY
-            };
-            running.prepare(Work {
-                number,
-                program,
-                upcoming: Moves::new().0,
-            });
-            running.order(number, Order::Begin(job));
-            if kind == JobKind::Program {
-                until(&mut running, &|report| is_state(report, State::Running));
-                running.order(0, Order::FeedHold);
-                until(&mut running, &|report| is_state(report, State::Held));
-            }
-        }
-        let finished = |report: &CycleReport| {
-            let over = Event::JobOver {
-                job: 2,
-                outcome: Outcome::Finished,
-            };
-            matches!(report, CycleReport::Event(event) if *event == over)
-        };
-        until(&mut running, &finished);
-    }
-}
+mod tests;

@@ -151,11 +151,16 @@ impl Inlet {
         }
     }
 
-    /// What has come, a stop first; and why what a stop has overtaken is not to be done.
-    pub(super) fn commands(&self) -> impl Iterator<Item = (Issued, Result<(), Refusal>)> {
+    /// What has come, a stop first; and why what a stop has overtaken is not to be done. `pending` commands were taken before and
+    /// are not in effect yet: so many fewer are taken now.
+    pub(super) fn commands(
+        &self,
+        pending: usize,
+    ) -> impl Iterator<Item = (Issued, Result<(), Refusal>)> {
         let stops = self.stops.try_iter().map(|issued| (issued, Ok(())));
         // Whoever goes on giving commands keeps nobody from what is behind them.
-        let others = self.commands.try_iter().take(COMMANDS);
+        let room = COMMANDS.saturating_sub(pending);
+        let others = self.commands.try_iter().take(room);
         let others = others.map(|Given { number, issued }| {
             let overtaken = number < self.given.last_stop.load(Ordering::SeqCst);
             match overtaken && issued.command.sets_going() {
@@ -163,7 +168,12 @@ impl Inlet {
                 false => (issued, Ok(())),
             }
         });
-        let switch_offs = (self.switch_offs.try_iter()).map(|issued| (issued, Ok(())));
+        // Behind all others, once these are taken.
+        let switch_offs = std::iter::from_fn(|| {
+            let is_next = self.commands.is_empty();
+            is_next.then(|| self.switch_offs.try_recv().ok()).flatten()
+        });
+        let switch_offs = switch_offs.map(|issued| (issued, Ok(())));
         stops.chain(others).chain(switch_offs)
     }
 }
@@ -316,7 +326,7 @@ mod tests {
             let operators = names.map(|name| inlet.operator(name));
             let mut unanswered = [0_usize; 3];
             let hear = |unanswered: &mut [usize; 3]| {
-                for (issued, _) in inlet.commands() {
+                for (issued, _) in inlet.commands(0) {
                     let source = names.iter().position(|name| **name == *issued.source).unwrap();
                     unanswered[source] -= 1;
                 }
@@ -367,7 +377,7 @@ mod tests {
                 assert_eq!(person.command(command.clone()), Ok(taken));
             }
         }
-        let mut taken = inlet.commands();
+        let mut taken = inlet.commands(0);
         let (first, _) = taken.next().unwrap();
         assert_eq!((&*first.source, first.command), ("person", Command::Stop));
         let others: Vec<_> = taken.map(|(issued, _)| issued.command).collect();
@@ -375,5 +385,27 @@ mod tests {
         assert_eq!(others.last(), Some(&Command::SwitchOff));
         drop(inlet);
         assert_eq!(person.command(Command::Stop), Err(NotTaken::Over));
+    }
+
+    /// With those that are not in effect yet no more wait than there is room for; a stop is taken all the same, and switching off
+    /// comes behind all that were given before it.
+    #[test]
+    fn what_is_not_in_effect_yet_takes_room() {
+        let inlet = Inlet::default();
+        let person = inlet.operator("person");
+        for _ in 0..COMMANDS {
+            assert_eq!(person.command(Command::FeedHold), Ok(Taken::Queued));
+        }
+        assert_eq!(person.command(Command::SwitchOff), Ok(Taken::Queued));
+        assert_eq!(person.command(Command::Stop), Ok(Taken::Queued));
+        let taken = |pending: usize| {
+            let taken = inlet.commands(pending).map(|(issued, _)| issued.command);
+            taken.collect::<Vec<_>>()
+        };
+        assert_eq!(taken(COMMANDS), [Command::Stop]);
+        assert_eq!(taken(COMMANDS - 56), vec![Command::FeedHold; 56]);
+        let rest = taken(0);
+        assert_eq!(rest.len(), COMMANDS - 56 + 1);
+        assert_eq!(rest.last(), Some(&Command::SwitchOff));
     }
 }

@@ -221,7 +221,7 @@ impl<T: Timeline> Session<T> {
             inlet,
             desk,
         } = self;
-        for (issued, wanted) in inlet.commands() {
+        for (issued, wanted) in inlet.commands(desk.waiting.len()) {
             match wanted {
                 Ok(()) => desk.hand_over(issued, timeline),
                 Err(reason) => desk.refuse(issued, reason),
