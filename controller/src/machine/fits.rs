@@ -437,8 +437,9 @@ pub(super) fn check_spindle(log: &mut Log<'_>, machine: &Machine, place: Option<
     );
 }
 
-/// Whether guarded devices are asked often enough, of which and of the controller's own heartbeat one leaves in a cycle: each has
-/// its turn within a third of the time between two requests, so that three of them, one of which may get lost, end in time.
+/// Whether guarded devices are asked often enough. One request leaves in a cycle, and none in those in which the controller's own
+/// heartbeat does. Each device has its turn within a third of the time between two requests, so that three of them, one of which may
+/// get lost, end in time.
 /// `places` are where the file names the drives; of a bus the first one tells.
 pub(super) fn check_guarding(log: &mut Log<'_>, machine: &Machine, places: &[Range<usize>]) {
     let guarded = machine.nodes().enumerate().filter_map(|(index, node)| {
@@ -448,13 +449,33 @@ pub(super) fn check_guarding(log: &mut Log<'_>, machine: &Machine, places: &[Ran
         }
     });
     let guarded: Vec<_> = guarded.collect();
+    let (heartbeat, cycle) = (machine.controller.heartbeat, machine.cycle);
+    // Between two heartbeats of the controller's.
+    let free = (heartbeat.as_nanos().div_ceil(cycle.as_nanos()) as u32).saturating_sub(1);
     for bus in 0..machine.buses.len() {
         let mut on_bus = guarded.iter().filter(|(_, node, _)| node.bus == bus);
-        let turn = machine.cycle * (on_bus.clone().count() as u32 + 1);
-        let Some((index, node, every)) = on_bus.next().filter(|(.., every)| turn * 3 > *every)
-        else {
+        let requests = on_bus.clone().count() as u32;
+        let Some((index, node, every)) = on_bus.next() else {
             continue;
         };
+        if free == 0 {
+            log.report(
+                places.get(*index).cloned().unwrap_or_default(),
+                format!(
+                    "drive \"{}\" ({}): it is guarded, and each cycle has the controller's heartbeat in place of a request",
+                    node.name, node.model.title
+                ),
+                format!(
+                    "allowed: `heartbeat_ms` of more than a cycle: from {}",
+                    cycle.as_millis() + 1
+                ),
+            );
+            continue;
+        }
+        let turn = cycle * (requests + requests.div_ceil(free));
+        if turn * 3 <= *every {
+            continue;
+        }
         log.report(
             places.get(*index).cloned().unwrap_or_default(),
             format!(
@@ -466,7 +487,7 @@ pub(super) fn check_guarding(log: &mut Log<'_>, machine: &Machine, places: &[Ran
                 turn.as_secs_f64() * 1e3
             ),
             format!(
-                "allowed: `heartbeat_timeout_ms` from {}, or a shorter `cycle_us`",
+                "allowed: `heartbeat_timeout_ms` from {}, a longer `heartbeat_ms`, or a shorter `cycle_us`",
                 (turn * 3).as_nanos().div_ceil(1_000_000) * 4
             ),
         );

@@ -259,3 +259,34 @@ fn guarding_that_takes_too_long_is_refused() {
     );
     assert!(wrong.contains("`heartbeat_timeout_ms` from 480"), "{wrong}");
 }
+
+/// The controller's heartbeat stands in the place of a request: where each cycle has one a guarded drive is refused, and where
+/// every second one has it the drive is asked as often as ever.
+#[test]
+fn guarding_has_its_turn_between_heartbeats() {
+    let heartbeats = |ms: u32| format!("cycle_us = 2000\n\n[controller]\nheartbeat_ms = {ms}\n");
+    for ms in [1, 2] {
+        let cycle = ("cycle_us = 2000", &*heartbeats(ms));
+        let x = [("model = \"servo.toml\"", "OLD"), cycle];
+        let wrong = refused("described", "cia402_csp", 8, true, &x);
+        assert!(
+            wrong.contains("`heartbeat_ms` of more than a cycle: from 3"),
+            "{ms}: {wrong}"
+        );
+        assert_eq!(refused("described", "cia402_csp", 8, true, &x[1..]), "");
+    }
+    for ms in [3, 4] {
+        let heartbeats = heartbeats(ms);
+        let mut rig = rig_of(true, &[("cycle_us = 2000", &heartbeats)], PROGRAM);
+        assert_eq!(rig.finish(), End::Finished, "{ms}: {:?}", rig.events);
+        let id = CanId::from(CobId::error_control(node()));
+        let frames = rig.frames();
+        let requests = (frames.iter()).filter(|it| it.frame.is_remote() && it.frame.id() == id);
+        let at: Vec<_> = requests.map(|it| it.end).collect();
+        assert!(at.len() > 10, "{ms}: {}", at.len());
+        for pair in at.windows(2) {
+            let apart = pair[1].saturating_since(pair[0]);
+            assert!(apart <= EVERY + rig.layout.cycle * 2, "{ms}: {apart:?}");
+        }
+    }
+}
