@@ -6,8 +6,8 @@ use super::{Program, ProgramError, Source};
 use crate::machine::{COORDINATES, Position};
 use syncline_gcode::{self as gcode, Action, AxisLetter, AxisSet, Output, Tables};
 
-/// Commands that are looked at for whether they move anything.
-const MOST_STILL: usize = 1000;
+/// Commands that are looked at, so that who asks does not wait for long: what more of them do is not known.
+const MOST_COMMANDS: usize = 1000;
 
 impl Program {
     /// The axes that need not be referenced where it begins: those that it homes before it moves any; all where it moves
@@ -35,7 +35,11 @@ impl Program {
         let begins_at = entry.map_or(start, |entry| entry.at.0);
         let rests = |axis: &AxisLetter| begins_at[axis.index()] == start[axis.index()];
         let mut homed = AxisSet::NONE;
-        while let Some(Ok(command)) = interpreter.next() {
+        for _ in 0..MOST_COMMANDS {
+            let Some(Ok(command)) = interpreter.next() else {
+                let rests = self.setup.axes.iter().all(|axis| rests(&axis));
+                return Some((homed, rests.then(|| interpreter.tables().clone())));
+            };
             match command.action {
                 Action::Home { axes, to } => {
                     axes.iter()
@@ -54,8 +58,8 @@ impl Program {
                 _ => {}
             }
         }
-        let rests = self.setup.axes.iter().all(|axis| rests(&axis));
-        Some((homed, rests.then(|| interpreter.tables().clone())))
+        // More of them are not looked at: it may move any.
+        Some((homed, None))
     }
 
     /// Whether it moves no axis of a machine that stands `here`, turns no spindle, and runs no command of the user's, which
@@ -66,7 +70,7 @@ impl Program {
         let Ok((mut interpreter, _)) = self.interpret(*here) else {
             return false;
         };
-        for command in interpreter.by_ref().take(MOST_STILL) {
+        for command in interpreter.by_ref().take(MOST_COMMANDS) {
             let Ok(command) = command else {
                 return false;
             };
@@ -110,7 +114,7 @@ impl Program {
             .interpret([0.0; COORDINATES])
             .ok()
             .filter(|_| is_plain)?;
-        for _ in 0..MOST_STILL {
+        for _ in 0..MOST_COMMANDS {
             let Err(error) = interpreter.next()? else {
                 continue;
             };
@@ -143,9 +147,13 @@ impl Program {
         let starts = [*here, elsewhere].map(gcode::Point);
         let (mut one, _) = self.interpret(*here).ok()?;
         let (mut other, _) = self.interpret(elsewhere).ok()?;
-        loop {
+        for _ in 0..MOST_COMMANDS {
             let actions = match (one.next(), other.next()) {
-                (None, None) => break,
+                (None, None) => {
+                    let knows = !one.awaits_machine() && !other.awaits_machine();
+                    let leaves = one.tables() == other.tables() && one.memory() == other.memory();
+                    return knows.then_some(leaves);
+                }
                 (Some(it), Some(also)) => [it.ok()?.action, also.ok()?.action],
                 _ => return None,
             };
@@ -164,8 +172,6 @@ impl Program {
                 return Some(false);
             }
         }
-        let knows = !one.awaits_machine() && !other.awaits_machine();
-        let leaves = one.tables() == other.tables() && one.memory() == other.memory();
-        knows.then_some(leaves)
+        None
     }
 }

@@ -248,10 +248,10 @@ impl Jobs {
             waits_for_input: program.streams(),
             homes_first: match self.asks_for_homing(status) {
                 true => program.homes_first(),
-                // No question of it, which would take to read a program up to where it is resumed.
+                // Not asked otherwise: the answer takes reading the program up to where it resumes.
                 false => AxisSet::NONE,
             },
-            // No question of it where everything may move.
+            // Not asked where everything may move.
             is_still: kind == JobKind::Mdi
                 && is_any_on(&self.holding, status)
                 && program.is_still(&status.setpoint),
