@@ -88,6 +88,7 @@ impl<const N: usize> Controller<N> {
 
     /// Ends that.
     pub(super) fn resume_path(&mut self) {
+        self.held_by = Hold::Operator;
         if self.threading.is_active() {
             self.threading.pause(false);
         } else if !self.probing.is_active() {

@@ -5,7 +5,8 @@
 use super::beside_path::BesidePath;
 use super::state::{NotNow, Request, State};
 use super::{
-    Controller, End, Event, Fault, Goal, Instruction, Phase, Refusal, StopPoint, Switch, event_sink,
+    Controller, End, Event, Fault, Goal, Hold, Instruction, Phase, Refusal, StopPoint, Switch,
+    event_sink,
 };
 use std::mem::{replace, take};
 use syncline_gcode::AxisSet;
@@ -131,6 +132,7 @@ impl<const N: usize> Controller<N> {
         self.threading.abort();
         self.pause_told = false;
         self.unplanned = 0;
+        self.held_by = Hold::Operator;
         self.rest_here();
     }
 

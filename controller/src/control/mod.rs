@@ -513,8 +513,7 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// In a cycle without that heartbeat, and in its place, one device of each bus is asked for a sign of life, if one is due
-    /// that is guarded.
+    /// In a cycle without the controller's heartbeat its place on each bus goes to one guarding request, if one is due.
     fn guard(&mut self, out: &mut [Outbox]) {
         for (bus, outbox) in self.layout.buses.iter().zip(out) {
             let mut devices = bus.devices.iter();

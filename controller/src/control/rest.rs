@@ -48,6 +48,8 @@ pub enum Hold {
     Operator,
     /// An input that came on: a door, or a feed hold that is wired.
     Input(InputIndex),
+    /// The spindle has lost its speed while it cuts.
+    Spindle,
     /// Nothing is left of the programmed speed.
     NoSpeed(ZeroOverrides),
 }
@@ -163,6 +165,10 @@ impl Hold {
                 "input \"{}\" holds the path: once it is off, resume goes on",
                 names.input(input)
             ),
+            Self::Spindle => {
+                "the spindle has lost its speed: the path is held; resume goes on, also without it"
+                    .to_owned()
+            }
             Self::NoSpeed(overrides) => format!("held on the path: {overrides}"),
         }
     }

@@ -6,6 +6,7 @@ use super::layout::Layout;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use syncline_canopen::sdo::{self, AbortCode, Failure, Reason};
+use syncline_canopen::time::Duration;
 use syncline_canopen::{Frame, Instant, Transmit};
 use syncline_drives::model::{
     Address, Capture, ClockLock, Identity, Increments, Marks, ModeDisplay, Survey, Write,
@@ -408,7 +409,7 @@ impl SdoSequence {
                 let status = (survey.status)(value);
                 if !status.power.may_be_on() {
                     self.next();
-                } else if self.out_of_patience(now) {
+                } else if self.out_of_patience(now, self.layout.state_timeout) {
                     let word = status.word;
                     return Err(fault(DeviceCause::StaysEnabled { word }));
                 }
@@ -442,7 +443,7 @@ impl SdoSequence {
             Step::AwaitLock(lock) => {
                 if value == lock.locked {
                     self.next();
-                } else if self.out_of_patience(now) {
+                } else if self.out_of_patience(now, self.layout.lock_timeout) {
                     return Err(fault(DeviceCause::NoSyncLock {
                         status: value,
                         assumption: lock.assumption,
@@ -524,8 +525,8 @@ impl SdoSequence {
         self.give_up = None;
     }
 
-    fn out_of_patience(&mut self, now: Instant) -> bool {
+    fn out_of_patience(&mut self, now: Instant, within: Duration) -> bool {
         self.tries = 0;
-        now >= *self.give_up.get_or_insert(now + self.layout.lock_timeout)
+        now >= *self.give_up.get_or_insert(now + within)
     }
 }

@@ -300,7 +300,7 @@ impl<const N: usize> Controller<N> {
             // Who goes on without it does so until it comes again.
             self.spindle.kept.reached = false;
             self.tell(Event::SpeedLost);
-            self.hold_path(Hold::Operator);
+            self.hold_path(Hold::Spindle);
         }
         Ok(())
     }
