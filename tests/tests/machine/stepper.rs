@@ -334,6 +334,25 @@ fn a_fault_opens_the_enable_chain_once_the_drives_rest() {
     assert!(matches!(fault, Fault::Device(SCREW, _)), "{fault:?}");
 }
 
+/// A screw that swings by more than leaves its encoder to be held against the drive, and by less than `standstill_window`, stands
+/// all the same: the drives are enabled.
+#[test]
+fn a_screw_that_vibrates_is_enabled() {
+    let mut rig = portal(PROGRAM);
+    // 0.03 mm from one side to the other, at 10 Hz; a quarter of `difference_limit` is 0.025 mm.
+    let mut swing = 0.003;
+    let mut wake_ups = 0;
+    rig.run_until(|rig| {
+        if wake_ups % 25 == 0 {
+            rig.slip(0, swing);
+            swing = -swing;
+        }
+        wake_ups += 1;
+        rig.phases.iter().any(|(phase, _)| *phase == Phase::Program) || rig.end().is_some()
+    });
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+}
+
 // --- it loses steps ---
 
 /// Down, a rest, and up again.

@@ -103,7 +103,8 @@ impl Test {
         let length = ends[self.arcs.len()];
         let (one, other) = self.plane.axes();
         let mut move_at_work = usize::MAX;
-        let steps = (length + 2.0 * STRAIGHT) / self.feed / CYCLE;
+        // Until the tool, too, has left it.
+        let steps = ((length + 2.0 * STRAIGHT) / self.feed + self.lag) / CYCLE;
         for step in 0..steps as u64 {
             let time = step as f64 * CYCLE;
             let along = time * self.feed - STRAIGHT;
