@@ -50,19 +50,21 @@ pub enum BusUrl {
 )]
 pub struct NoBus(String);
 
+/// Whether the kernel takes this for the name of an interface: shorter than IFNAMSIZ.
+fn is_interface(name: &str) -> bool {
+    let is_name = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
+    (1..16).contains(&name.len()) && name.chars().all(is_name)
+}
+
 impl FromStr for BusUrl {
     type Err = NoBus;
 
     fn from_str(text: &str) -> Result<Self, NoBus> {
         let no_bus = || NoBus(text.to_owned());
         let Some((scheme, rest)) = text.split_once("://") else {
-            let is_name = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
             return match text {
                 SIM => Ok(Self::Sim),
-                // IFNAMSIZ less its zero.
-                _ if (1..16).contains(&text.len()) && text.chars().all(is_name) => {
-                    Ok(Self::SocketCan(text.to_owned()))
-                }
+                _ if is_interface(text) => Ok(Self::SocketCan(text.to_owned())),
                 _ => Err(no_bus()),
             };
         };
@@ -95,7 +97,7 @@ impl FromStr for BusUrl {
                     .parse()
                     .map_err(|_| no_bus())?;
                 let interface = match query.split_once('=') {
-                    Some(("interface", name)) if !name.contains(['/', '&']) => name,
+                    Some(("interface", name)) if is_interface(name) => name,
                     None if query.is_empty() => LOOPBACK,
                     _ => return Err(no_bus()),
                 };
@@ -154,7 +156,7 @@ impl BusUrl {
         match (self, end) {
             (Self::Sim, _) => Err(PortError {
                 bus: name,
-                what: "a simulated bus lives inside `run` and `validate` only".to_owned(),
+                what: "a simulated bus lives inside the command that runs the machine: give other commands drives by `syncline drives --bus …`".to_owned(),
             }),
             (Self::SocketCan(interface), _) => {
                 Ok(Box::new(DriveSocket::open(interface, bit_rate)?))

@@ -481,7 +481,7 @@ fn bad_input() {
         (&["scan", "--bus", "tcp://x"][..], "`tcp://x` is no bus"),
         (
             &["scan", "--bus", "sim"],
-            "lives inside `run` and `validate` only",
+            "a simulated bus lives inside the command that runs the machine",
         ),
         (
             &["nmt", "--bus", "can0", "start", "128"],
