@@ -720,7 +720,8 @@ impl Interpreter {
     }
 
     fn end(&mut self) -> Result<(), Refusal> {
-        if self.state.nurbs.is_some() {
+        // Told once: whoever looks for further mistakes comes to the end all the same.
+        if self.state.nurbs.take().is_some() {
             return Err(Refusal::new(self.block.columns(), Fault::NurbsNotEnded));
         }
         self.state.end_compensation();

@@ -170,6 +170,11 @@ proptest! {
 }
 
 #[test]
+fn a_spline_without_an_end_is_told_once() {
+    assert_eq!(mistakes_with(xyz(), "G5.2 X1 Y1 F9").len(), 1);
+}
+
+#[test]
 fn no_advice_about_a_comma_makes_another_number() {
     let meant = |text: &str| {
         let mistakes = mistakes_with(xyz(), &format!("F100 G1 {text}\nM2"));
