@@ -8,7 +8,7 @@ use syncline_controller::control::fault::AxisCause;
 use syncline_controller::control::{
     End, Event, Fault, Hold, HomingFailure, Pause, Phase, Refusal as OrderRefusal, State, Switch,
 };
-use syncline_controller::session::{Command, Direction, Jog, Override, Refusal};
+use syncline_controller::session::{Command, Direction, Jog, Override, Refusal, SwitchChange};
 use syncline_drives::twin::{Disturbance, ErrorClass};
 use syncline_gcode::AxisLetter;
 use syncline_tests::rig::Rig;
@@ -699,12 +699,13 @@ fn a_spindle_that_loses_its_speed_in_a_cut_holds_the_path() {
     set(&mut rig, PART, true);
     rig.command(Command::Resume);
     goes_on_after(&mut rig, 100);
-    rig.command(Command::FeedHold);
+    rig.command(Command::SingleBlock(SwitchChange::To(true)));
     rig.run_until(|rig| speed(rig) == 0.0);
+    assert!(x(&rig) > 299.999);
     let held = rig.events.iter().rfind(|it| matches!(it, Event::Held(_)));
     assert_eq!(held, Some(&Event::Held(Hold::Operator)));
+    rig.command(Command::SingleBlock(SwitchChange::To(false)));
     rig.command(Command::Resume);
-    rig.run_until(|rig| x(rig) > 299.999);
     set(&mut rig, PART, false);
     assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
     assert_eq!(told(&rig), 2);
