@@ -398,7 +398,6 @@ impl Cycle {
         {
             let begun = self.requests.push(PlanRequest::Begin(number, start));
             self.asked_to_begin = job.filter(|_| begun.is_ok()).or(self.asked_to_begin);
-            self.plan_patience = PLAN_PATIENCE;
             self.asked = None;
             self.told_found = None;
             self.told_read = None;
