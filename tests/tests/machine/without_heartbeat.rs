@@ -3,7 +3,7 @@
 use super::described::sheet;
 use proptest::prelude::*;
 use syncline_canopen::time::Duration;
-use syncline_canopen::{CanId, CobId, Frame, NodeId};
+use syncline_canopen::{CanId, CobId, Frame, Instant, NodeId};
 use syncline_controller::control::fault::DeviceCause;
 use syncline_controller::control::loss::Sign;
 use syncline_controller::control::{End, Fault};
@@ -62,6 +62,14 @@ fn node() -> NodeId {
     NodeId::new(1).unwrap()
 }
 
+/// When it was asked for a sign of life, each time.
+fn requests(rig: &Rig) -> Vec<Instant> {
+    let id = CanId::from(CobId::error_control(node()));
+    let frames = rig.frames();
+    let requests = (frames.iter()).filter(|it| it.frame.is_remote() && it.frame.id() == id);
+    requests.map(|it| it.end).collect()
+}
+
 /// It is asked every 75 ms, and never while the controller's own heartbeat stands in the same cycle.
 #[test]
 fn one_with_guarding_is_guarded() {
@@ -86,10 +94,7 @@ fn one_with_guarding_is_guarded() {
     assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
     let frames = rig.frames();
     let error_control = CanId::from(CobId::error_control(node()));
-    let requests = frames
-        .iter()
-        .filter(|it| it.frame.is_remote() && it.frame.id() == error_control);
-    let at: Vec<_> = requests.map(|it| it.end).collect();
+    let at = requests(&rig);
     assert!(at.len() > 10, "{}", at.len());
     for pair in at.windows(2) {
         let apart = pair[1].saturating_since(pair[0]);
@@ -279,10 +284,7 @@ fn guarding_has_its_turn_between_heartbeats() {
         let heartbeats = heartbeats(ms);
         let mut rig = rig_of(true, &[("cycle_us = 2000", &heartbeats)], PROGRAM);
         assert_eq!(rig.finish(), End::Finished, "{ms}: {:?}", rig.events);
-        let id = CanId::from(CobId::error_control(node()));
-        let frames = rig.frames();
-        let requests = (frames.iter()).filter(|it| it.frame.is_remote() && it.frame.id() == id);
-        let at: Vec<_> = requests.map(|it| it.end).collect();
+        let at = requests(&rig);
         assert!(at.len() > 10, "{ms}: {}", at.len());
         for pair in at.windows(2) {
             let apart = pair[1].saturating_since(pair[0]);

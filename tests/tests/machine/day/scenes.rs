@@ -2,7 +2,7 @@
 
 use syncline_controller::machine::Machine;
 use syncline_controller::session::Direction;
-use syncline_drives::model::Increments;
+use syncline_drives::model::{Increments, Scaling};
 use syncline_tests::rig::example;
 
 /// An example machine whose axes are homed.
@@ -139,11 +139,16 @@ impl Axis {
         self.drives.len() > 1
     }
 
-    /// The first index behind a place, as its first drive counts.
-    pub(super) fn index_behind(&self, machine: &Machine, place: f64) -> f64 {
+    /// How its first drive counts.
+    fn scaling(&self, machine: &Machine) -> Scaling {
         let mut drives = machine.drives.iter();
         let drive = drives.find(|drive| drive.name.as_str() == self.drives[0]);
-        let scaling = drive.expect("it is in the file").scaling;
+        drive.expect("it is in the file").scaling
+    }
+
+    /// The first index behind a place, as its first drive counts.
+    pub(super) fn index_behind(&self, machine: &Machine, place: f64) -> f64 {
+        let scaling = self.scaling(machine);
         let turn = scaling.revolution().get();
         let at = scaling.to_increments(place).expect("it is in range").get();
         let turns = [at.div_euclid(turn), at.div_euclid(turn) + 1];
@@ -154,9 +159,7 @@ impl Axis {
 
     /// What its drive calls its reference point.
     fn reference_point(&self, machine: &Machine, way: Way) -> f64 {
-        let mut drives = machine.drives.iter();
-        let drive = drives.find(|drive| drive.name.as_str() == self.drives[0]);
-        let resolution = drive.expect("it is in the file").scaling.resolution();
+        let resolution = self.scaling(machine).resolution();
         let outside = self.edge - self.sign() * BEHIND as f64 * resolution;
         match way {
             // In front of the switch, as it goes off that.
