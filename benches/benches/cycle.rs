@@ -10,7 +10,7 @@ use syncline_controller::bench::rig::{Shape, Shuttle, ready_machine};
 use syncline_controller::bus_log::candump::Line;
 use syncline_controller::control::Wake;
 use syncline_controller::port::socketcan::{from_raw, to_raw};
-use syncline_drives::bus::{Band, BitRate, Node, SimBus, frame_bits};
+use syncline_drives::bus::{Band, BitRate, BusNode, SimBus, frame_bits};
 use syncline_drives::model::{Increments, PowerCommand, REFERENCE, Setpoint};
 
 /// What the processor's caches hold before a wake-up for the setpoints.
@@ -136,7 +136,7 @@ fn frames(criterion: &mut Criterion) {
 /// Nobody answers: the bus alone.
 struct Silent;
 
-impl Node for Silent {
+impl BusNode for Silent {
     fn on_frame(&mut self, _: Instant, _: &Frame, _: &mut dyn syncline_canopen::Transmit) {}
     fn poll(&mut self, _: Instant, _: &mut dyn syncline_canopen::Transmit) {}
     fn deadline(&self) -> Option<Instant> {

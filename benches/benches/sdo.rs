@@ -6,7 +6,7 @@ use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main};
 use std::hint::black_box;
 use syncline_canopen::dictionary::{Dictionary, Entry};
-use syncline_canopen::node::{Node, Options};
+use syncline_canopen::node::{LocalNode, Options};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CobId, Frame, Instant, NodeId};
 use syncline_drives::model::{MODELS, Model};
@@ -75,7 +75,7 @@ fn sdo(c: &mut Criterion) {
         let mut group = c.benchmark_group(format!("sdo/{}", model.name));
 
         let mut objects = Dictionary::new(model.dictionary, id);
-        let mut node = Node::new(id, &objects, Options::default());
+        let mut node = LocalNode::new(id, &objects, Options::default());
         node.power_on(Instant::ZERO);
         node.poll(Instant::ZERO, &mut objects, &mut Vec::new());
         measure(&mut group, "node", model, id, |request, answers| {

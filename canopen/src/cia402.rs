@@ -183,8 +183,6 @@ impl Controlword {
     pub const ENABLE_OPERATION: Self = Self(0x000F);
     /// 000Bh: quick stop as the LXM32M's examples give it (lxm32m 1777).
     pub const QUICK_STOP: Self = Self(0x000B);
-    /// 0080h: its rising edge resets a fault (T15).
-    pub const FAULT_RESET: Self = Self(0x0080);
 
     /// Bit 4, by mode: new set-point, enable interpolated position, start homing …
     pub const MODE_4: u16 = 1 << 4;

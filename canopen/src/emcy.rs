@@ -10,8 +10,6 @@ pub mod register {
     pub const CURRENT: u8 = 1 << 1;
     /// Voltage.
     pub const VOLTAGE: u8 = 1 << 2;
-    /// Temperature.
-    pub const TEMPERATURE: u8 = 1 << 3;
     /// Communication.
     pub const COMMUNICATION: u8 = 1 << 4;
     /// What the device profile defines.

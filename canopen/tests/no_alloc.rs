@@ -4,7 +4,7 @@ use assert_no_alloc::{AllocDisabler, assert_no_alloc};
 use syncline_canopen::dictionary::{DataType::*, Dictionary, Entry, rw, table};
 use syncline_canopen::emcy::Emergency;
 use syncline_canopen::nmt::{Command, Request, State};
-use syncline_canopen::node::{Application, Node, Options};
+use syncline_canopen::node::{Application, LocalNode, Options};
 use syncline_canopen::sdo::Client;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Address, CanId, CobId, Frame, Instant, NodeId, Transmit};
@@ -89,7 +89,7 @@ fn nothing_is_allocated() {
         objects: Dictionary::new(&TABLE, id),
         emergency: None,
     };
-    let mut node = Node::new(id, &device.objects, Options::default());
+    let mut node = LocalNode::new(id, &device.objects, Options::default());
     let mut client = Client::new(id, Duration::from_millis(100), CAPACITY);
     let (mut to_node, mut to_master) = (Wire::new(), Wire::new());
     let program = [0x5A; CAPACITY];

@@ -6,7 +6,7 @@ use crate::realtime;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use syncline_canopen::{Frame, Instant};
-use syncline_drives::bus::Node;
+use syncline_drives::bus::BusNode;
 use syncline_drives::world::Hosted;
 
 /// Longest sleep, so that a stop is seen.

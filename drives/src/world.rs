@@ -13,7 +13,7 @@
 //!
 //! Devices on a bus that others reach, another process or real ones, have no wire of this world:
 //! [`Hosted`] is such a bus's share, with the same clock and the same mechanics, and is a
-//! [`Node`] as a whole.
+//! [`BusNode`] as a whole.
 //!
 //! ```
 //! use syncline_canopen::{CobId, Frame, Instant, NodeId};
@@ -36,7 +36,7 @@ mod dc_link;
 mod enable_chain;
 mod probe;
 
-use crate::bus::{Band, BitRate, Node, Received, SimBus, Transmission};
+use crate::bus::{Band, BitRate, BusNode, Received, SimBus, Transmission};
 use crate::mechanics::{Load, Mechanics, Motion};
 use crate::twin::SimulatedDevice;
 use crate::twin::servo::shaft::Shaft;
@@ -286,7 +286,7 @@ impl World {
 
 /// Devices that share a bus which others reach, with the mechanics that couple them.
 ///
-/// As a [`Node`] it is all of them at once: each lives up to the instant of a frame or of a poll,
+/// As a [`BusNode`] it is all of them at once: each lives up to the instant of a frame or of a poll,
 /// in the order of time.
 pub struct Hosted {
     devices: Vec<Box<dyn SimulatedDevice>>,
@@ -368,7 +368,7 @@ impl Hosted {
     }
 }
 
-impl Node for Hosted {
+impl BusNode for Hosted {
     fn on_frame(&mut self, now: Instant, frame: &Frame, tx: &mut dyn Transmit) {
         self.live_until(now, tx);
         for device in &mut self.devices {

@@ -1,7 +1,7 @@
 //! A node with every service, for the fuzz targets to torment.
 
 use syncline_canopen::dictionary::{DataType::*, Dictionary, Entry, ro, rw, table, wo};
-use syncline_canopen::node::{Node, Options, ParameterRules};
+use syncline_canopen::node::{LocalNode, Options, ParameterRules};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, Frame, Instant, NodeId};
 
@@ -70,7 +70,7 @@ pub static TABLE: &[Entry] = &ROWS;
 /// A node with the id 1 that has booted, and its values.
 pub struct Victim {
     /// The node.
-    pub node: Node,
+    pub node: LocalNode,
     /// Its values.
     pub objects: Dictionary,
     /// The present.
@@ -96,7 +96,7 @@ impl Victim {
             parameters,
             ..Options::default()
         };
-        let mut node = Node::new(id, &objects, options);
+        let mut node = LocalNode::new(id, &objects, options);
         let mut sent = Vec::new();
         node.power_on(Instant::ZERO);
         node.poll(Instant::ZERO, &mut objects, &mut sent);

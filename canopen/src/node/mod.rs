@@ -1,14 +1,14 @@
 //! A whole CANopen slave over an object dictionary (CiA 301): NMT, SDO servers, PDOs, SYNC,
 //! EMCY, heartbeat, guarding.
 //!
-//! Which services a [`Node`] has follows from the objects in its table: a row 1017h makes a
+//! Which services a [`LocalNode`] has follows from the objects in its table: a row 1017h makes a
 //! heartbeat producer, a row 1401h:1 a second R_PDO, a row 1201h:1 a second SDO server. What the
 //! objects of the device itself mean is the [`Application`]'s affair. A [`Dictionary`] is the
 //! simplest application, a node of passive values:
 //!
 //! ```
 //! use syncline_canopen::dictionary::{DataType::*, Dictionary, Entry, ro, rw, table};
-//! use syncline_canopen::node::{Node, Options};
+//! use syncline_canopen::node::{LocalNode, Options};
 //! use syncline_canopen::{Frame, Instant, NodeId};
 //!
 //! static TABLE: [Entry; 2] = table([
@@ -18,7 +18,7 @@
 //!
 //! let id = NodeId::new(5).ok_or("node")?;
 //! let mut values = Dictionary::new(&TABLE, id);
-//! let mut node = Node::new(id, &values, Options::default());
+//! let mut node = LocalNode::new(id, &values, Options::default());
 //! let mut sent: Vec<Frame> = Vec::new();
 //! node.power_on(Instant::ZERO);
 //! for _ in 0..2 {
@@ -278,7 +278,7 @@ impl Default for Options {
 
 /// A CANopen slave without its application, which is handed to every call.
 #[derive(Debug)]
-pub struct Node {
+pub struct LocalNode {
     servers: Vec<(Channel, Server)>,
     communication: Communication,
     boot_time: Duration,
@@ -295,7 +295,7 @@ enum Channel {
     Rows(Row, Row),
 }
 
-impl Node {
+impl LocalNode {
     /// A node before its boot-up, with the services that the table of `objects` gives it.
     #[must_use]
     pub fn new(id: NodeId, objects: &Dictionary, options: Options) -> Self {

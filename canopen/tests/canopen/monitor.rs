@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use syncline_canopen::dictionary::{DataType::*, Dictionary, Entry, ro, rw, table};
 use syncline_canopen::monitor::Monitor;
-use syncline_canopen::node::{Node, Options};
+use syncline_canopen::node::{LocalNode, Options};
 use syncline_canopen::sdo::Client;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Address, CanId, Frame, Instant, NodeId};
@@ -33,7 +33,7 @@ static TABLE: [Entry; 18] = table([
 /// A bus with a node that the monitor knows.
 struct Bus {
     monitor: Monitor,
-    node: Node,
+    node: LocalNode,
     objects: Dictionary,
     client: Client,
 }
@@ -44,7 +44,7 @@ impl Bus {
         let mut monitor = Monitor::new();
         monitor.add(id, &TABLE);
         let objects = Dictionary::new(&TABLE, id);
-        let mut node = Node::new(id, &objects, Options::default());
+        let mut node = LocalNode::new(id, &objects, Options::default());
         node.power_on(Instant::ZERO);
         Self {
             monitor,

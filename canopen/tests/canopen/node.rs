@@ -2,7 +2,7 @@
 
 use syncline_canopen::dictionary::{DataType::*, Dictionary, Entry, Row, ro, rw, table};
 use syncline_canopen::emcy::Emergency;
-use syncline_canopen::node::{Application, Node, Options, Origin, ParameterRules};
+use syncline_canopen::node::{Application, LocalNode, Options, Origin, ParameterRules};
 use syncline_canopen::sync::Sync;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CobId, Frame, Instant, NodeId, nmt};
@@ -128,7 +128,7 @@ impl Application for Device {
 
 /// A bus with the node and a master on it.
 struct Bench {
-    node: Node,
+    node: LocalNode,
     device: Device,
     now: Instant,
 }
@@ -142,7 +142,7 @@ impl Bench {
         let id = NodeId::new(NODE).expect("1…127");
         let objects = Dictionary::new(&TABLE, id);
         let mut bench = Self {
-            node: Node::new(id, &objects, options),
+            node: LocalNode::new(id, &objects, options),
             device: Device {
                 objects,
                 told: Vec::new(),

@@ -3,7 +3,9 @@
 
 use syncline_canopen::dictionary::{DataType::*, Dictionary, Entry, Row, ro, rw, table};
 use syncline_canopen::nmt::State;
-use syncline_canopen::node::{Application, BootUp, LifeGuarding, Node, Options, ParameterRules};
+use syncline_canopen::node::{
+    Application, BootUp, LifeGuarding, LocalNode, Options, ParameterRules,
+};
 use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, Frame, Instant, NodeId};
@@ -76,7 +78,7 @@ impl Application for Device {
 }
 
 struct Bench {
-    node: Node,
+    node: LocalNode,
     device: Device,
     now: Instant,
 }
@@ -113,7 +115,7 @@ impl Bench {
             ..options
         };
         let mut bench = Self {
-            node: Node::new(id, &objects, options),
+            node: LocalNode::new(id, &objects, options),
             device: Device {
                 objects,
                 has_run: false,

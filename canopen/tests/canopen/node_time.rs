@@ -5,7 +5,7 @@ use syncline_canopen::dictionary::{DataType::*, Dictionary, Entry, ro, rw, table
 use syncline_canopen::emcy::Emergency;
 use syncline_canopen::nmt::State;
 use syncline_canopen::node::{
-    Application, CommunicationError, LifeGuarding, Node, Options, ParameterRules,
+    Application, CommunicationError, LifeGuarding, LocalNode, Options, ParameterRules,
 };
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, Frame, Instant, NodeId};
@@ -80,7 +80,7 @@ impl Application for Device {
 
 /// The node, its device and the present instant.
 struct Bench {
-    node: Node,
+    node: LocalNode,
     device: Device,
     now: Instant,
 }
@@ -90,7 +90,7 @@ impl Bench {
         let id = NodeId::new(1).expect("1…127");
         let objects = Dictionary::new(&TABLE, id);
         let mut bench = Self {
-            node: Node::new(id, &objects, options),
+            node: LocalNode::new(id, &objects, options),
             device: Device {
                 objects,
                 emergencies: Vec::new(),

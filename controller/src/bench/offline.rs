@@ -7,7 +7,7 @@ use std::hint::black_box;
 use std::time::Duration;
 use syncline_canopen::NodeId;
 use syncline_canopen::{CobId, Frame, Instant};
-use syncline_drives::bus::{Band, BitRate, Node, SimBus, Transmission};
+use syncline_drives::bus::{Band, BitRate, BusNode, SimBus, Transmission};
 
 /// A part of a simulation.
 #[derive(Clone, Copy, Debug)]
@@ -109,7 +109,7 @@ fn bus(shape: &Shape, steps: u64) -> Throughput {
         frame: Frame,
         due: Option<Instant>,
     }
-    impl Node for Replier {
+    impl BusNode for Replier {
         fn on_frame(
             &mut self,
             now: Instant,

@@ -29,7 +29,7 @@ const IDENTIFIER: u32 = 0x7FF;
 /// The PDOs of the nodes of a bus, as far as they were heard being set up.
 #[derive(Debug)]
 pub(crate) struct PdoMappings {
-    nodes: Vec<Node>,
+    nodes: Vec<MappedNode>,
     /// By identifier, the PDOs that come under it, node by node.
     carried: Vec<Vec<Place>>,
 }
@@ -52,7 +52,7 @@ pub(crate) enum Heard {
 }
 
 #[derive(Debug)]
-struct Node {
+struct MappedNode {
     id: u16,
     dictionary: &'static [Entry],
     /// An SDO download that is not confirmed.
@@ -81,7 +81,7 @@ impl PdoMappings {
     /// Of nodes with these ids and dictionaries, of which nothing is heard yet.
     pub(crate) fn new(nodes: impl IntoIterator<Item = (u16, &'static [Entry])>) -> Self {
         let node = |(id, dictionary)| {
-            let mut node = Node {
+            let mut node = MappedNode {
                 id,
                 dictionary,
                 asked: None,
@@ -145,7 +145,7 @@ impl PdoMappings {
     }
 }
 
-impl Node {
+impl MappedNode {
     /// Whether an NMT command resets it.
     fn is_reset(&self, data: &[u8]) -> bool {
         matches!(*data, [0x81 | 0x82, node, ..] if node == 0 || u16::from(node) == self.id)

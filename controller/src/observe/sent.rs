@@ -46,11 +46,11 @@ pub(super) struct Hearing {
 struct Bus {
     syncs: u64,
     mappings: PdoMappings,
-    nodes: Vec<Node>,
+    nodes: Vec<DriveHeard>,
 }
 
 #[derive(Debug)]
-struct Node {
+struct DriveHeard {
     drive: usize,
     positions: PositionObjects,
     /// The setpoint that came last.
@@ -92,7 +92,7 @@ impl PositionObjects {
 
 impl Bus {
     /// Of nodes, each with its id and its dictionary.
-    fn new(nodes: impl IntoIterator<Item = (Node, u16, &'static [Entry])>) -> Self {
+    fn new(nodes: impl IntoIterator<Item = (DriveHeard, u16, &'static [Entry])>) -> Self {
         let mut data_sheets = Vec::new();
         let mut of = |(node, id, dictionary)| {
             data_sheets.push((id, dictionary));
@@ -107,7 +107,7 @@ impl Bus {
     }
 }
 
-impl Node {
+impl DriveHeard {
     fn new(drive: usize, positions: PositionObjects) -> Self {
         Self {
             drive,
@@ -130,7 +130,7 @@ impl Hearing {
         let drives = machine.drives.iter().enumerate();
         let on = |bus| drives.clone().filter(move |(_, drive)| drive.bus == bus);
         let node = |(index, drive): (usize, &crate::machine::Drive)| {
-            let node = Node::new(index, PositionObjects::of(machine, index));
+            let node = DriveHeard::new(index, PositionObjects::of(machine, index));
             (node, drive.node.get().into(), drive.model.dictionary)
         };
         let buses = (0..machine.buses.len()).map(|bus| Bus::new(on(bus).map(node)));
@@ -211,7 +211,7 @@ mod tests {
         let (tell, told) = channel::unbounded();
         static POSITIONS: [Address; 2] = [Address::new(0x60C1, 1), Address::new(0x607A, 0)];
         let positions = PositionObjects::new(&POSITIONS, &[]);
-        let buses = vec![Bus::new([(Node::new(0, positions), NODE, &[][..])])];
+        let buses = vec![Bus::new([(DriveHeard::new(0, positions), NODE, &[][..])])];
         let sent = SentSetpoints {
             told,
             drives: vec![VecDeque::new()],
@@ -236,7 +236,11 @@ mod tests {
         ]);
         let (mut ears, mut sent) = hearing();
         let positions = PositionObjects::new(&TARGET, &DICTIONARY);
-        ears.buses = vec![Bus::new([(Node::new(0, positions), NODE, &DICTIONARY[..])])];
+        ears.buses = vec![Bus::new([(
+            DriveHeard::new(0, positions),
+            NODE,
+            &DICTIONARY[..],
+        )])];
         for reset in [false, true] {
             if reset {
                 ears.hear(0, &frame(0x000, &[0x82, 0]));

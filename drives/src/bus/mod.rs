@@ -1,6 +1,6 @@
 //! The simulated CAN bus: frames take their exact time on the wire, in virtual time.
 //!
-//! A [`SimBus`] carries any number of [`Node`]s and one [`Port`], the controller's. Whoever wants
+//! A [`SimBus`] carries any number of [`BusNode`]s and one [`Port`], the controller's. Whoever wants
 //! to send queues; when the bus is idle the heads of all queues arbitrate by identifier and the
 //! winner occupies the wire for its exact length, stuff bits included. Everybody else receives it
 //! at its end of frame; the next arbitration takes place an intermission (3 bit times) later.
@@ -11,11 +11,11 @@
 //!
 //! ```
 //! use syncline_canopen::{Frame, Instant, NodeId, Transmit};
-//! use syncline_drives::bus::{Band, BitRate, Node, SimBus};
+//! use syncline_drives::bus::{Band, BitRate, BusNode, SimBus};
 //!
 //! /// Answers every frame with one byte on identifier 701h.
 //! struct Parrot;
-//! impl Node for Parrot {
+//! impl BusNode for Parrot {
 //!     fn on_frame(&mut self, _: Instant, frame: &Frame, tx: &mut dyn Transmit) {
 //!         let id = syncline_canopen::CanId::Standard(0x701);
 //!         tx.transmit(Frame::new(id, &[frame.dlc()]));
@@ -52,18 +52,18 @@ use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, Frame, Instant, Transmit};
 
 /// A device on a bus, in simulation and behind a real socket alike.
-pub trait Node {
+pub trait BusNode {
     /// A frame that another node sent, at its end of frame.
     fn on_frame(&mut self, now: Instant, frame: &Frame, tx: &mut dyn Transmit);
 
-    /// Time has reached [`Node::deadline`]. Afterwards the deadline lies after `now`.
+    /// Time has reached [`BusNode::deadline`]. Afterwards the deadline lies after `now`.
     fn poll(&mut self, now: Instant, tx: &mut dyn Transmit);
 
     /// When the node wants to be polled next.
     fn deadline(&self) -> Option<Instant>;
 }
 
-impl<N: Node + ?Sized> Node for Box<N> {
+impl<N: BusNode + ?Sized> BusNode for Box<N> {
     fn on_frame(&mut self, now: Instant, frame: &Frame, tx: &mut dyn Transmit) {
         (**self).on_frame(now, frame, tx);
     }
@@ -119,7 +119,7 @@ struct Attached<N> {
     queue: Mailboxes,
 }
 
-impl<N: Node> SimBus<N> {
+impl<N: BusNode> SimBus<N> {
     /// An idle bus at the origin of time, with nobody but the port on it.
     #[must_use]
     pub fn new(bit_rate: BitRate) -> Self {
@@ -211,7 +211,7 @@ impl<N: Node> SimBus<N> {
     /// on `until` itself stays open for frames that are queued at that instant.
     ///
     /// # Panics
-    /// If `until` lies before [`SimBus::now`], or a node breaks the contract of [`Node::poll`].
+    /// If `until` lies before [`SimBus::now`], or a node breaks the contract of [`BusNode::poll`].
     pub fn advance_to(&mut self, until: Instant, observer: &mut dyn FnMut(&Transmission)) {
         assert!(until >= self.now, "virtual time does not run backwards");
         let mut wake = self.next_wake();

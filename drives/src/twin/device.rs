@@ -5,7 +5,7 @@ use super::servo::encoder::{EncoderErrors, Scale};
 use super::servo::motor::Motor;
 use super::servo::power_stage::PowerStage;
 use super::servo::shaft::Shaft;
-use crate::bus::{BitRate, Node};
+use crate::bus::{BitRate, BusNode};
 use crate::mechanics::drive_train::DriveTrain;
 use core::any::Any;
 use core::ops::Range;
@@ -16,11 +16,11 @@ use syncline_canopen::{Address, Instant, NodeId, nmt};
 
 /// A device on a bus that stands in for a real one.
 ///
-/// To the bus it is a [`Node`], switched on at the origin of time. To the [world](crate::world) it
+/// To the bus it is a [`BusNode`], switched on at the origin of time. To the [world](crate::world) it
 /// is a shaft that mechanics may couple to others. Observers see it without noise and change
 /// nothing; tests interfere with it by a [`Disturbance`]. What only one model has is reached by a
 /// downcast from [`Any`], in that model's own tests.
-pub trait SimulatedDevice: Node + Any + Send {
+pub trait SimulatedDevice: BusNode + Any + Send {
     /// Its node id.
     fn node(&self) -> NodeId;
 

@@ -14,7 +14,7 @@
 //! - [`servo`]: cascade, clock, encoder, shaft, ramps
 //! - [`random`]: seeded randomness for noise, delays and oscillators
 //!
-//! A twin is a [`Node`](crate::bus::Node): put it on a [`SimBus`](crate::bus::SimBus) or into a
+//! A twin is a [`BusNode`](crate::bus::BusNode): put it on a [`SimBus`](crate::bus::SimBus) or into a
 //! [`World`](crate::world::World), or feed it the frames of a real bus. It computes in `f64` with
 //! `+ - * /` and `sqrt` only, so the same frames come out on every machine.
 //!

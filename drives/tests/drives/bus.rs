@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use std::collections::VecDeque;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, Frame, Instant, Transmit};
-use syncline_drives::bus::{Band, BitRate, Node, Sender, SimBus, Transmission};
+use syncline_drives::bus::{Band, BitRate, BusNode, Sender, SimBus, Transmission};
 
 /// Queues each frame at its instant; remembers what it received.
 #[derive(Default)]
@@ -13,7 +13,7 @@ struct Script {
     seen: Vec<(Instant, Frame)>,
 }
 
-impl Node for Script {
+impl BusNode for Script {
     fn on_frame(&mut self, now: Instant, frame: &Frame, _: &mut dyn Transmit) {
         self.seen.push((now, *frame));
     }

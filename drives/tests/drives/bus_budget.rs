@@ -6,7 +6,7 @@ use std::time::Duration;
 use syncline_canopen::budget::{Budget, Direction, NodeTraffic, Pdo, Traffic, Verdict};
 use syncline_canopen::response_time::bit_time;
 use syncline_canopen::{CobId, Frame, Instant, NodeId, Transmit};
-use syncline_drives::bus::{Band, BitRate, Node, SimBus, Transmission};
+use syncline_drives::bus::{Band, BitRate, BusNode, SimBus, Transmission};
 
 /// Sends its T_PDOs at a given time after each SYNC, or each nth.
 struct Drive {
@@ -18,7 +18,7 @@ struct Drive {
     due: Option<Instant>,
 }
 
-impl Node for Drive {
+impl BusNode for Drive {
     fn on_frame(&mut self, now: Instant, frame: &Frame, _: &mut dyn Transmit) {
         if frame.id() == CobId::SYNC.into() {
             let delay = self.delays[self.cycle % self.delays.len()];
@@ -44,7 +44,7 @@ struct Sender {
     sent: usize,
 }
 
-impl Node for Sender {
+impl BusNode for Sender {
     fn on_frame(&mut self, _: Instant, _: &Frame, _: &mut dyn Transmit) {}
 
     fn poll(&mut self, _: Instant, tx: &mut dyn Transmit) {
@@ -62,7 +62,7 @@ enum Peer {
     Sender(Sender),
 }
 
-impl Node for Peer {
+impl BusNode for Peer {
     fn on_frame(&mut self, now: Instant, frame: &Frame, tx: &mut dyn Transmit) {
         match self {
             Self::Drive(drive) => drive.on_frame(now, frame, tx),

@@ -4,7 +4,7 @@ use crate::common::id;
 use std::sync::{Arc, Mutex};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CobId, Frame, Instant};
-use syncline_drives::bus::{Band, BitRate, Node};
+use syncline_drives::bus::{Band, BitRate, BusNode};
 use syncline_drives::mechanics::rigid::Rigid;
 use syncline_drives::mechanics::touch_probe::{Solid, TouchProbe};
 use syncline_drives::mechanics::{Load, Mechanics, Motion};

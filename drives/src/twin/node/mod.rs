@@ -19,11 +19,11 @@ use super::servo::cascade::Gains;
 use super::servo::power_stage::PowerStage;
 use super::servo::shaft::Shaft;
 
-use crate::bus;
+use crate::bus::BusNode;
 use core::ops::Range;
 use outbox::Outbox;
 use syncline_canopen::dictionary::Dictionary;
-use syncline_canopen::node::{Application, Node, Options};
+use syncline_canopen::node::{Application, LocalNode, Options};
 use syncline_canopen::pdo::TransmissionType;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CobId, Frame, Instant, NodeId, Transmit, nmt};
@@ -120,7 +120,7 @@ impl Delays {
 /// A node with its firmware; see the [module](self).
 #[derive(Debug)]
 pub struct Device<F> {
-    node: Node,
+    node: LocalNode,
     /// The node's deadline, which is asked for at every event of the bus and changes only where the node acts.
     node_due: Option<Instant>,
     pub(super) firmware: F,
@@ -152,7 +152,7 @@ impl<F: Firmware> Device<F> {
             boot_time,
             ..options
         };
-        let mut node = Node::new(processor.node, firmware.objects(), options);
+        let mut node = LocalNode::new(processor.node, firmware.objects(), options);
         node.power_on(Instant::ZERO);
         Self {
             node_due: node.deadline(),
@@ -213,7 +213,7 @@ fn is_synchronous(objects: &Dictionary, t_pdo: u16) -> bool {
     TransmissionType::from(kind as u8).is_synchronous()
 }
 
-impl<F: Firmware> bus::Node for Device<F> {
+impl<F: Firmware> BusNode for Device<F> {
     fn on_frame(&mut self, now: Instant, frame: &Frame, tx: &mut dyn Transmit) {
         if !self.firmware.hears(frame) || self.misses(frame) {
             return self.firmware.run_until(now);

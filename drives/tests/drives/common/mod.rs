@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use syncline_canopen::cia402::Statusword;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, Instant, NodeId, nmt};
-use syncline_drives::bus::{Band, BitRate, Node, Received, SimBus};
+use syncline_drives::bus::{Band, BitRate, BusNode, Received, SimBus};
 use syncline_drives::twin::SimulatedDevice;
 
 pub(crate) struct Bench<T> {
@@ -25,7 +25,7 @@ pub(crate) fn ms(millis: u64) -> Duration {
     Duration::from_millis(millis)
 }
 
-impl<T: Node> Bench<T> {
+impl<T: BusNode> Bench<T> {
     /// Devices at 1 Mbit/s, 5 ms after they were switched on.
     pub(crate) fn of(devices: impl IntoIterator<Item = T>) -> Self {
         let mut bus = SimBus::new(BitRate::from_kbit(1000).unwrap());
@@ -207,7 +207,7 @@ pub(crate) const REF_OK: u16 = Statusword::BIT_15;
 pub(crate) const HALT: u16 = 0x0100;
 
 /// Writes a number in the object's own size.
-pub(crate) fn set<T: Node>(bench: &mut Bench<T>, index: u16, sub: u8, value: i32) {
+pub(crate) fn set<T: BusNode>(bench: &mut Bench<T>, index: u16, sub: u8, value: i32) {
     let bytes = value.to_le_bytes();
     let size = bench.read(1, index, sub).unwrap().len();
     assert_eq!(
@@ -217,12 +217,12 @@ pub(crate) fn set<T: Node>(bench: &mut Bench<T>, index: u16, sub: u8, value: i32
     );
 }
 
-pub(crate) fn status<T: Node>(bench: &mut Bench<T>) -> u16 {
+pub(crate) fn status<T: BusNode>(bench: &mut Bench<T>) -> u16 {
     bench.read_u16(1, 0x6041, 0)
 }
 
 /// Waits until these statusword bits are set.
-pub(crate) fn wait_for<T: Node>(bench: &mut Bench<T>, bits: u16, seconds: u64) {
+pub(crate) fn wait_for<T: BusNode>(bench: &mut Bench<T>, bits: u16, seconds: u64) {
     for _ in 0..seconds * 100 {
         if status(bench) & bits == bits {
             return;
