@@ -41,8 +41,8 @@ const LATE: f64 = 0.5;
 /// The parts of acceleration and jerk that the ramp has, and that a spindle's unevenness may have.
 const RAMP: [f64; 2] = [0.7, 0.5];
 const RIPPLE: [f64; 2] = [0.2, 0.4];
-/// Part of the jerk by which a difference of accelerations may be beyond it.
-const ROUNDING: f64 = 1e-6;
+/// Part of the jerk by which a mean of jerks may be beyond it.
+const ROUNDING: f64 = 1e-9;
 /// How fast the setpoint is drawn to where it is wanted, rad/s; and no faster than this part of a cycle's inverse.
 const DRAWN: f64 = 150.0;
 const DRAWN_PART: f64 = 0.3;
@@ -441,11 +441,10 @@ impl Follower {
     }
 
     fn leave(&mut self, stop: Profile, elapsed: f64) {
+        let jerk = mean_jerk(&stop, elapsed, self.period);
         let elapsed = elapsed + self.period;
-        let before = self.state.a;
         self.state = stop.at(elapsed);
-        let jerk = (self.state.a - before) / self.period;
-        // The difference of two accelerations is rounded.
+        // A sum is rounded.
         let most = self.limits.j_max;
         self.jerk = match jerk.abs() <= most * (1.0 + ROUNDING) {
             true => jerk.clamp(-most, most),
@@ -475,6 +474,20 @@ impl Follower {
             false => jerk,
         }
     }
+}
+
+/// The jerk of a profile in the mean over `time` s from an instant on. Not the difference of its states' accelerations: near
+/// rest a [state](Profile::sample) may be that of an instant up to a microsecond later.
+fn mean_jerk(profile: &Profile, from: f64, time: f64) -> f64 {
+    let mut begin = 0.0;
+    let mut change = 0.0;
+    for segment in profile.segments() {
+        let end = begin + segment.duration;
+        let lasts = (end.min(from + time) - begin.max(from)).max(0.0);
+        change += segment.jerk * lasts;
+        begin = end;
+    }
+    change / time
 }
 
 /// The shortest stop.

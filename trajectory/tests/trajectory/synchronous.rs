@@ -306,3 +306,26 @@ fn a_thread_needs_a_way_to_come_in_step_and_to_rest() {
     assert!(thread.least_length(&limits, 60.0).unwrap() > needed);
     assert_eq!(thread.least_length(&limits, 126.0), None);
 }
+
+/// Where a stop ends within less than a microsecond behind a setpoint, that one is at rest already: its acceleration less the one before is more
+/// than the jerk of the stop.
+#[test]
+fn a_thread_that_ends_just_behind_a_setpoint_keeps_its_jerk() {
+    let spindle = Spindle {
+        speed: -677.1050816036434,
+        ripple: 0.0,
+        harmonic: 1,
+        phase: 0.0,
+        counts: 10_000.0,
+        start: -89.04456149423834,
+    };
+    let lead = 1.6271742425764266;
+    let length = length(&spindle, lead);
+    let cut = cut(
+        &spindle,
+        thread(length, lead, true),
+        2e-3,
+        1.5035105821601642,
+    );
+    assert_eq!(cut.lost, None);
+}
