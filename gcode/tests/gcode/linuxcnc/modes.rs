@@ -19,8 +19,9 @@ const MOVES: &[&str] = &[
     "G2 Ia Jb Zc P2",
     "G30",
 ];
+/// Units change without a tool's length: LinuxCNC takes that off, under G53, G28 and G30, in the unit in which it was read.
 const MODES: &[&str] = &[
-    "G90", "G91", "G20", "G21", "G90.1", "G91.1", "G8", "G98", "G99", "G28.1", "G30.1",
+    "G90", "G91", "G49\nG20", "G49\nG21", "G90.1", "G91.1", "G8", "G98", "G99", "G28.1", "G30.1",
 ];
 const OFFSETS: &[&str] = &[
     "G54",
@@ -54,7 +55,12 @@ const OFFSETS: &[&str] = &[
     "G10 L10 Pt Za",
     "G10 L11 Pt Za",
 ];
-const TURNS: &[&str] = &["G10 L2 Pn Rq", "G10 L2 P0 Xa Yb Rq", "G10 L2 P1 R0"];
+/// In G90: what LinuxCNC counts an incremental move from leaves G92 out as a system is turned, so that `G91 G0 X0 Y0` moves there.
+const TURNS: &[&str] = &[
+    "G90 G10 L2 Pn Rq",
+    "G90 G10 L2 P0 Xa Yb Rq",
+    "G90 G10 L2 P1 R0",
+];
 const PLANES: &[&str] = &[
     "G28 Xa Zb",
     "G30 Yb",
