@@ -139,6 +139,11 @@ impl<const N: usize> ShortSegments<N> {
         })
     }
 
+    /// Whether there is one line only, which is no short segment: it may be merged with the next one.
+    pub fn is_long_line(&self) -> bool {
+        !self.gentle && self.points.len() == 2
+    }
+
     /// What they are with a move that may be one with the others: gentle, and tiny. None where it is not.
     fn with(&self, motion: &Move<N>) -> Option<(bool, bool)> {
         let heading = motion.curve.direction()?;
