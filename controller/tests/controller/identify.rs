@@ -354,6 +354,9 @@ fn answering(
     (0..rows).map(row).collect()
 }
 
+/// Of 2.048 s each, which a log that is looked at has.
+const STRETCHES: f64 = 7.0;
+
 fn sprung() -> impl Strategy<Value = Sprung> {
     (5e-4..5e-3_f64, 0.3..4.0_f64, 8.0..80.0_f64, 0.01..0.1_f64).prop_map(
         |(motor, more, hertz, damping)| {
@@ -378,7 +381,7 @@ proptest! {
     fn a_response_is_that_of_the_axis(axis in sprung(), late in 0.0..2e-3_f64, first in 5..10_usize) {
         // In the middle of bins of 2.048 s, and apart from each other.
         let frequencies: Vec<f64> = (0..12).map(|n| (first + 14 * n) as f64 / 2.048).collect();
-        let samples = answering(&axis, &frequencies, late, 14.0, 100.0);
+        let samples = answering(&axis, &frequencies, late, STRETCHES * 2.048, 100.0);
         let estimate = axis.estimate(late);
         let told = response(&samples, &SHAFT, &estimate);
         for hertz in &frequencies {
@@ -390,10 +393,13 @@ proptest! {
                 prop_assert!(shown.iter().any(|it| strength(gain) * it < 2.0), "{hertz} Hz: {shown:?}");
                 continue;
             };
+            // What is not coherent is spread over both by √(lacks/2n) in n stretches (Bendat and Piersol, Random Data, 9.2), and
+            // takes so much off the gain where it is in the torque.
             let lacks = 1.0 - at.coherence;
-            prop_assert!((at.gain / gain - 1.0).abs() < 0.01 + lacks, "{at:?}, not {gain}");
+            let spread = 3.0 * (lacks / (2.0 * STRETCHES)).sqrt();
+            prop_assert!((at.gain / gain - 1.0).abs() < 0.01 + lacks + spread, "{at:?}, not {gain}");
             let off = (at.phase_deg - phase.to_degrees() + 540.0).rem_euclid(360.0) - 180.0;
-            prop_assert!(off.abs() < 1.0 + 60.0 * lacks, "{at:?}, not {}", phase.to_degrees());
+            prop_assert!(off.abs() < 1.0 + (lacks + spread).to_degrees(), "{at:?}, not {}", phase.to_degrees());
             prop_assert!((at.model_gain / gain - 1.0).abs() < 1e-9, "{at:?}, not {gain}");
             let off = (at.model_phase_deg - phase.to_degrees() + 540.0).rem_euclid(360.0) - 180.0;
             prop_assert!(off.abs() < 1e-6, "{at:?}, not {}", phase.to_degrees());
