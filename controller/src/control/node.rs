@@ -610,6 +610,7 @@ impl DeviceNode {
     pub(super) fn encode(&mut self) {
         let power = self.power_command();
         self.take_outputs();
+        self.by_sdo.is_sent = true;
         match &mut self.device {
             Device::Drive(drive) => drive.encode(power, self.setpoint, &mut self.r_pdos),
             Device::Encoder(_) => {}
@@ -730,8 +731,10 @@ impl DeviceNode {
         self.torque.forget_steps();
         self.command_off();
         if in_reach {
-            // One that was never started, or no longer hears R_PDOs; of another kind than expected it is told nothing.
-            if self.is_known() && !self.is_operational() {
+            // One that was never started or never sent an R_PDO, or no longer hears them; of another kind than expected it is told
+            // nothing.
+            let may_hear = self.is_operational() && self.by_sdo.is_sent;
+            if self.is_known() && !may_hear {
                 self.tell_by_sdo();
             }
             self.tell_finally();

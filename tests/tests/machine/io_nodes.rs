@@ -981,3 +981,20 @@ fn a_retrace_where_nothing_leads_back_keeps_what_is_awaited() {
         }
     }
 }
+
+/// A drive that falls silent before the first burst keeps all R_PDOs from going out: an I/O node that was started by then is told
+/// what its outputs are by SDO.
+#[test]
+fn an_io_node_that_was_never_sent_an_r_pdo_is_told_its_safe_outputs() {
+    const LAMP: &str = "\n[[output]]\nname = \"lamp\"\nio = \"cabinet\"\nsignal = \"DO5\"\nsafe = \"on\"\nnumber = 9\n\n[machine]\n";
+    let mut rig = switched_on_with(LAMP.trim_start());
+    rig.run_to(Phase::Start);
+    rig.twin(2).disturb(Disturbance::Mute(true));
+    for _ in 0..10 {
+        rig.step();
+    }
+    settle(&mut rig);
+    assert_eq!(state(&rig), MachineState::Faulted);
+    let (digital, analog) = SAFE;
+    assert_eq!(outputs(&mut rig), (digital | 1 << 5, analog));
+}

@@ -81,6 +81,8 @@ pub struct DriveScene {
     pub setpoint: Option<Increments>,
     /// R_PDOs with a position, a target or a velocity since the last SYNC.
     pub came: u32,
+    /// When the last of these came.
+    pub came_at: Instant,
     /// What it latched at the last SYNC, all of the position.
     pub latched: Option<Increments>,
     /// As many as came between the last two SYNCs.
@@ -134,6 +136,12 @@ impl Reader {
 }
 
 impl DriveScene {
+    /// Something to go to came.
+    fn came(&mut self, now: Instant) {
+        self.came += 1;
+        self.came_at = now;
+    }
+
     /// It is told to follow, and says that its power stage is on and its mode at work. What a drive that fell
     /// silent said last is no more than that.
     #[must_use]
@@ -360,13 +368,13 @@ impl<'a> Scene<'a> {
                     STATUSWORD => drive.statusword = Some(value as u16),
                     VELOCITY => {
                         drive.velocity = Some(value as i32);
-                        drive.came += 1;
+                        drive.came(sent.end);
                     }
                     _ => {
                         let reader = &readers[node];
                         if let Some(setpoint) = reader.positions.read(object, value) {
                             drive.setpoint = Some(setpoint).filter(|_| !reader.goes);
-                            drive.came += 1;
+                            drive.came(sent.end);
                         }
                     }
                 },

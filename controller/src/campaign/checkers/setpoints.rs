@@ -9,6 +9,7 @@
 use super::{Checker, Found, Scene};
 use crate::machine::{AxisLimits, Machine};
 use std::collections::VecDeque;
+use syncline_canopen::Instant;
 use syncline_drives::model::Increments;
 
 const NAME: &str = "setpoints";
@@ -25,13 +26,13 @@ const ROUNDING: f64 = 1e-6;
 
 /// See the module.
 pub(super) struct Setpoints {
-    /// By drive: positions that were in effect at SYNCs in a row, mm, the newest first, and the cycle of it.
-    drives: Vec<(VecDeque<f64>, u64)>,
+    /// By drive: positions that were in effect at SYNCs in a row, mm, the newest first; the cycle of it, and when it came.
+    drives: Vec<(VecDeque<f64>, u64, Instant)>,
 }
 
 impl Setpoints {
     pub(super) fn new(machine: &Machine) -> Self {
-        let none = (VecDeque::with_capacity(KEPT + 1), 0);
+        let none = (VecDeque::with_capacity(KEPT + 1), 0, Instant::ZERO);
         Self {
             drives: vec![none; machine.drives.len()],
         }
@@ -40,7 +41,7 @@ impl Setpoints {
     fn latched(&mut self, scene: &Scene<'_>, drive: usize, cycle: u64, found: &mut Found) {
         let spec = &scene.machine.drives[drive];
         let axis = &scene.machine.axes[spec.axis];
-        let (positions, last) = &mut self.drives[drive];
+        let (positions, last, came_at) = &mut self.drives[drive];
         let it = &scene.drives[drive];
         let Some(latched) = it.latched.filter(|_| it.in_effect) else {
             positions.clear();
@@ -57,6 +58,13 @@ impl Setpoints {
             // Nothing new came, or more than one: what it stands for is not certain.
             positions.clear();
             return;
+        }
+        // Bursts leave at one instant of the cycle. One that is held up until behind its SYNC and one that is not follow each other
+        // in two cycles although what came between them is lost.
+        let earlier = std::mem::replace(came_at, it.came_at);
+        let (cycle_time, apart) = (scene.machine.cycle, it.came_at.saturating_since(earlier));
+        if apart.abs_diff(cycle_time) > cycle_time / 20 {
+            positions.clear();
         }
         // Behind a SYNC that was left out drives latch what was meant for that one, and then go on with the
         // setpoints of their own instants.

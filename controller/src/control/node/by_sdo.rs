@@ -13,6 +13,8 @@ use syncline_drives::model::{Device, PowerCommand, Write};
 pub(super) struct BySdo {
     /// It has outputs, and may hear no R_PDOs.
     is_deaf: bool,
+    /// R_PDOs went to it since it was brought up: none do before all devices are heard.
+    pub(super) is_sent: bool,
     /// What it was told of its outputs.
     outputs: Vec<Write>,
     /// What it was told of its power.
@@ -29,6 +31,7 @@ impl BySdo {
         }
         Self {
             is_deaf: false,
+            is_sent: false,
             outputs: Vec::with_capacity(count),
             power: None,
         }
@@ -37,6 +40,7 @@ impl BySdo {
     /// The device begins anew.
     pub(super) fn forget(&mut self) {
         self.is_deaf = false;
+        self.is_sent = false;
         self.outputs.clear();
         self.power = None;
     }
