@@ -552,3 +552,29 @@ proptest! {
         prop_assert!(errors(&mut rig, AxisLetter::Y)[0].abs() < 0.005);
     }
 }
+
+/// Friction holds the axis where it is with the torque that the search lets its drive have: nor does it come off by that.
+#[test]
+fn an_axis_that_does_not_come_off_says_so() {
+    let case = Case {
+        start: 60.0,
+        ahead: 1.0,
+        torque: 15.0,
+        speed: 4.0,
+        contact: 35,
+        back_off: 1.0,
+        max_distance: 10.0,
+        homing: "final_position = 79.0".into(),
+        simulation: "transmission = \"belt\"\nfriction = 39.9".into(),
+        ..Case::default()
+    };
+    let mut rig = case.rig();
+    homed(&mut rig, &case);
+    assert_eq!(
+        failure(&rig),
+        Some(HomingFailure::Holds),
+        "{:?}",
+        rig.events
+    );
+    assert!(is_as_before(&rig));
+}

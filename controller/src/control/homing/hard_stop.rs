@@ -27,6 +27,8 @@ use syncline_drives::model::Increments;
 
 /// Cycles after which an order to an axis has begun to move it.
 const TAKEN: u64 = 10;
+/// An axis that stands so many times as long as on a stop, and is not where it was to back off to, does not come off.
+const HELD: u64 = 10;
 
 /// Where the search is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -182,11 +184,19 @@ impl HardStop {
                         true => self.from,
                         false => seen.position - towards * how.back_off,
                     };
+                    self.stands = (seen.position, planned, 0);
                     return Ok(self.moves(Step::BackOff, Motion::To(place, how.speed)));
                 }
                 Progress::Goes
             }
             Step::BackOff if rests && seen.settled => self.enter(Step::Backed, Progress::Goes),
+            Step::BackOff if rests => {
+                let (cycles, window) = contact;
+                match self.has_stood(seen, window) >= HELD * cycles {
+                    true => return Err(HomingFailure::Holds),
+                    false => Progress::Goes,
+                }
+            }
             Step::Backed if seen.quiet => self.enter(Step::Returning, Progress::Returns),
             Step::Returning if seen.answered && self.is_early => {
                 return Err(HomingFailure::TooEarly);
@@ -194,6 +204,16 @@ impl HardStop {
             Step::Returning if seen.answered => Progress::Found,
             _ => Progress::Goes,
         })
+    }
+
+    /// For how many cycles the axis has stood at one place, within a window.
+    fn has_stood(&mut self, seen: &Seen, window: f64) -> u64 {
+        let (stands_at, _, since) = &mut self.stands;
+        *since += 1;
+        if (seen.position - *stands_at).abs() > window {
+            (*stands_at, *since) = (seen.position, 0);
+        }
+        *since
     }
 
     /// Whether the axis has stood on its stop for so many cycles, in all of which its place is measured.
