@@ -27,14 +27,36 @@ fn table() -> Vec<(String, BTreeSet<String>)> {
     .collect()
 }
 
+/// A file's lines but for comments and for what only tests use: the item behind each `#[cfg(test)]`.
+fn code(text: &str) -> String {
+    let mut code = String::new();
+    // How deep in braces the item for tests is, once it has begun.
+    let mut item: Option<i32> = None;
+    let lines = text.lines().map(str::trim_end);
+    for line in lines.filter(|line| !line.trim_start().starts_with("//")) {
+        if line.trim_start() == "#[cfg(test)]" {
+            item = item.or(Some(0));
+            continue;
+        }
+        let Some(depth) = &mut item else {
+            code += line;
+            code += "\n";
+            continue;
+        };
+        let of = |c| line.matches(c).count() as i32;
+        *depth += of('{') - of('}');
+        let is_attribute = line.trim_start().starts_with("#[");
+        if *depth <= 0 && !is_attribute && line.ends_with([';', '}', ',']) {
+            item = None;
+        }
+    }
+    code
+}
+
 /// The modules of the crate that a file so many modules below its root names behind `crate::` or as many `super::`, but for
 /// comments and what only tests use.
 fn used(text: &str, depth: usize) -> BTreeSet<String> {
-    let code = text.split("#[cfg(test)]").next().unwrap_or(text);
-    let lines = code
-        .lines()
-        .filter(|line| !line.trim_start().starts_with("//"));
-    let code: String = lines.flat_map(|line| [line, "\n"]).collect();
+    let code = code(text);
     let up = "super::".repeat(depth);
     ["crate::", &up]
         .iter()
@@ -48,7 +70,7 @@ fn named(rest: &str) -> Vec<String> {
     let name = |text: &str| -> String {
         let letters = text.trim_start().chars();
         letters
-            .take_while(|c| c.is_ascii_lowercase() || *c == '_')
+            .take_while(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || *c == '_')
             .collect()
     };
     let Some(list) = rest.strip_prefix('{') else {
@@ -81,8 +103,19 @@ use super::sister::Sister;
 pub(in crate::alpha) fn f(it: super::super::epsilon::Epsilon) {}
 #[cfg(test)]
 use crate::tests_alone;
+#[cfg(test)]
+mod tests;
+use crate::zeta2::Zeta;
+#[cfg(test)]
+#[allow(dead_code)]
+mod more {
+    fn f() {
+        use crate::tests_alone_too;
+    }
+}
+fn last() -> crate::eta::Eta {}
 ";
-    let expected = ["alpha", "beta", "delta", "epsilon", "gamma"];
+    let expected = ["alpha", "beta", "delta", "epsilon", "eta", "gamma", "zeta2"];
     assert_eq!(used(text, 2), expected.map(str::to_owned).into());
 }
 
@@ -175,11 +208,7 @@ fn nothing_names_a_model() {
             continue;
         }
         let text = fs::read_to_string(&file).unwrap();
-        let code = text.split("#[cfg(test)]").next().unwrap_or_default();
-        let lines = code
-            .lines()
-            .filter(|line| !line.trim_start().starts_with("//"));
-        for line in lines {
+        for line in code(&text).lines() {
             let named = MODELS
                 .iter()
                 .find(|model| line.contains(&format!("\"{}", model.name)));
