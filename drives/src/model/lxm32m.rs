@@ -247,8 +247,8 @@ fn standard_setup(node: NodeId, cycle: Duration) -> [Write; 30] {
         w(0x1803, 1, t_pdo(4, false)),
         w(0x1401, 2, Data::u8(1)), // at every SYNC
         w(0x1801, 2, Data::u8(1)),
-        w(0x6040, 0, Data::u16(0)),
-        w(0x6040, 0, Data::u16(0x80)), // Fault Reset
+        cia402::FAULT_RESET[0],
+        cia402::FAULT_RESET[1],
         w(0x1601, 0, Data::u8(0)),
         w(0x1601, 1, Data::u32(0x6040_0010)),
         w(0x1601, 2, Data::u32(0x60C1_0120)),

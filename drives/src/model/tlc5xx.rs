@@ -268,8 +268,7 @@ fn setup(settings: &Settings, finer: u32) -> Vec<Write> {
         setup.push(w(0x13FF + u16::from(n), 1, Data::u32(receive)));
         setup.push(w(0x17FF + u16::from(n), 1, Data::u32(transmit)));
     }
-    setup.push(w(0x6040, 0, Data::u16(0)));
-    setup.push(w(0x6040, 0, Data::u16(0x80))); // Fault Reset (2728)
+    setup.extend(cia402::FAULT_RESET); // 2728
     setup.push(w(0x6060, 0, Data::u8(mode(settings.point_to_point) as u8)));
     if !settings.point_to_point {
         // Who takes it over in motion would have it go on with its last velocity: it carries out no R_PDO then (2813-2815).

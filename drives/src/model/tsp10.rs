@@ -190,9 +190,10 @@ fn setup(settings: &Settings) -> Vec<Write> {
     let w = Write::new;
     let steps = settings.assumed.value(&STEPS);
     let ramp = |of: f64| (of * settings.acceleration).max(LEAST_RAMP) as u32;
+    let [idle, reset] = cia402::FAULT_RESET;
     let mut setup = vec![
-        w(0x6040, 0, Data::u16(0)),
-        w(0x6040, 0, Data::u16(0x80)), // Fault Reset
+        idle,
+        reset,
         w(0x6092, 1, Data::u32(steps)),
         w(0x6092, 2, Data::u32(1)),
         w(0x2002, 0, Data::u16(0)),

@@ -1,4 +1,4 @@
-//! Every model has its twin; a twin without a model is a device that only other masters use yet.
+//! Every model has its twin, with the same data sheet.
 
 use std::collections::BTreeSet;
 use std::time::Duration;

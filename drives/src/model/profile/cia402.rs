@@ -24,6 +24,12 @@ pub(in crate::model) const INTERPOLATION_DELAY: Assumption = Assumption {
     meaning: "cycles from the SYNC that latches a setpoint until the position reference reaches it",
 };
 
+/// Resets a fault by bit 7's rising edge (T15), whatever the controlword was before.
+pub(in crate::model) const FAULT_RESET: [Write; 2] = [
+    Write::new(0x6040, 0, Data::u16(0)),
+    Write::new(0x6040, 0, Data::u16(0x80)),
+];
+
 /// A drive's state by 6041h; 6040h = 0000h switches it off, 000Bh brings it to rest.
 pub(in crate::model) const SURVEY: Survey = Survey {
     address: STATUSWORD,

@@ -349,8 +349,7 @@ fn setup(
     let mut setup: Vec<Write> = r_pdos.collect();
     setup.extend(others_off(model, node, 0x1400, reached));
     setup.extend(t_pdos_off(model, node, assumed, t_pdo));
-    setup.push(w(0x6040, 0, Data::u16(0)));
-    setup.push(w(0x6040, 0, Data::u16(0x80))); // Fault Reset
+    setup.extend(cia402::FAULT_RESET);
     setup.push(w(0x6060, 0, Data::u8(kind.mode)));
     setup.extend(own);
     setup.extend(&settings.objects);
