@@ -372,12 +372,11 @@ impl AxisControl {
 
     /// Its drive goes by itself: it is where that says at SYNC `cycle`.
     pub(super) fn follow(&mut self, cycle: u64, nodes: &[DeviceNode]) {
+        if self.point_to_point.is_none_or(|it| it.target.is_none()) {
+            return;
+        }
         let at = self.actual(cycle, 0, nodes);
-        if let Some(place) = self
-            .point_to_point
-            .as_mut()
-            .filter(|it| it.target.is_some())
-        {
+        if let Some(place) = &mut self.point_to_point {
             place.at = at;
         }
     }

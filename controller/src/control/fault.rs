@@ -658,9 +658,8 @@ fn not_there(distance: f64, told: bool, axis: &AxisSpec) -> String {
              {allowed} {unit}: look for what blocks it, and check the drive's units and its current"
         ),
         false => format!(
-            "axis {name}: its drive has not told that it has got to where it was sent (bit 10 of its statusword), and is \
-             {distance:.4} {unit} away: look for what blocks it, and check its position window (2011h and 2012h of a TLC53x) \
-             and that its T_PDOs come"
+            "axis {name}: its drive has not told that it has got to where it was sent, and is {distance:.4} {unit} away: \
+             look for what blocks it, and check the position window of the drive and that its T_PDOs come"
         ),
     }
 }

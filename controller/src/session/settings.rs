@@ -74,6 +74,12 @@ impl Default for Settings {
 }
 
 impl Settings {
+    /// The part of the rapids' speed, 0…1.
+    #[must_use]
+    pub fn rapid_part(&self) -> f64 {
+        self.rapid_override / 100.0
+    }
+
     /// Takes over what a command sets; the order to the cycle, if it takes one.
     pub fn order(&mut self, command: &Command) -> Option<Order> {
         Some(match *command {
@@ -88,7 +94,7 @@ impl Settings {
             }
             Command::RapidOverride(change) => {
                 self.rapid_override = change.of(self.rapid_override, MOST_RAPID);
-                Order::RapidOverride(self.rapid_override / 100.0)
+                Order::RapidOverride(self.rapid_part())
             }
             Command::SingleBlock(change) => {
                 self.single_block = change.of(self.single_block);

@@ -401,7 +401,7 @@ impl Teller {
         let axis = axes.find(|axis| axis.letter == letter)?;
         let status = self.view.get();
         let fastest = axis.fastest_jog(status.referenced[letter.index()]);
-        let rapid = status.settings.rapid_override / 100.0;
+        let rapid = status.settings.rapid_part();
         let speed = speed.unwrap_or(fastest).min(fastest * rapid);
         let [unit, ..] = axis.units();
         Some(format!(

@@ -113,7 +113,7 @@ impl Model {
     /// How far an axis goes, mm, from when the key is released that jogs it until it rests.
     pub(super) fn stopping_distance(&self, axis: &Axis) -> f64 {
         let referenced = self.status.referenced[axis.letter.index()];
-        let part = self.status.settings.rapid_override / 100.0;
+        let part = self.status.settings.rapid_part();
         let speed = axis.fastest_jog(referenced) * part;
         axis.stopping_distance(speed)
     }
