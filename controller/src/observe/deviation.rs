@@ -7,6 +7,7 @@
 //! case they add up.
 
 use super::Observed;
+use super::circles::Circles;
 use super::kept::Kept;
 use super::limits::Watch;
 use super::record::{Greatest, Place, Violation};
@@ -197,7 +198,7 @@ impl Deviation {
     }
 
     /// With how far the tool came, the path of the run.
-    pub(super) fn path(&self, travel: &Travel) -> PathSummary {
+    pub(super) fn path(&self, travel: &Travel, circles: &Circles) -> PathSummary {
         PathSummary {
             length_mm: travel.length_mm,
             turned_deg: travel.turned_deg,
@@ -207,6 +208,7 @@ impl Deviation {
             max_contour_error_at: self.tool.at,
             max_drive_deviation_mm: self.drives.value,
             max_drive_deviation_at: self.drives.at,
+            max_circular_deviation_mm: circles.greatest,
         }
     }
 }

@@ -491,7 +491,7 @@ impl Observers {
             cycles: self.cycles,
             late_setpoints: controller.late_setpoints(),
             frames_sha256: digest,
-            path: self.deviation.path(&self.travel),
+            path: self.deviation.path(&self.travel, &self.circles),
             bus: (machine.buses.iter().zip(loads.unwrap_or_default()))
                 .map(|(bus, peak_utilisation)| BusSummary {
                     name: bus.name.clone(),

@@ -225,6 +225,9 @@ pub struct PathSummary {
     pub max_drive_deviation_mm: f64,
     /// Where that was.
     pub max_drive_deviation_at: Place,
+    /// Greatest circular deviation of a turn round a full circle of the program, mm; nothing of one that has none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_circular_deviation_mm: Option<f64>,
 }
 
 fn is_zero<T: Default + PartialEq>(number: &T) -> bool {

@@ -18,9 +18,10 @@ pub(super) const INVALID: &str = "invalid";
 const LISTED: usize = 5;
 
 /// Ends of the names of columns of which the greatest is the worst, or the least.
-const WORST: [(&str, bool); 6] = [
+const WORST: [(&str, bool); 7] = [
     ("times.motion_s", true),
     ("path.max_contour_error_mm", true),
+    ("path.max_circular_deviation_mm", true),
     (".max_following_error_mm", true),
     (".rms_torque", true),
     (".max_skew_mm", true),

@@ -14,15 +14,23 @@ use std::path::PathBuf;
 /// A number of a summary's part, and its name there.
 type Named<T> = (&'static str, fn(&T) -> f64);
 
-const OF_RUN: [Named<Summary>; 5] = [
-    ("times.motion_s", |run| run.times.motion_s),
-    ("duration_s", |run| run.duration_s),
+/// A number of a whole run; nothing where its program has nothing of the kind.
+type OfRun = fn(&Summary) -> Option<f64>;
+
+const OF_RUN: [(&str, OfRun); 6] = [
+    ("times.motion_s", |run| Some(run.times.motion_s)),
+    ("duration_s", |run| Some(run.duration_s)),
     ("path.max_contour_error_mm", |run| {
-        run.path.max_contour_error_mm
+        Some(run.path.max_contour_error_mm)
     }),
-    ("path.max_deviation_mm", |run| run.path.max_deviation_mm),
+    ("path.max_deviation_mm", |run| {
+        Some(run.path.max_deviation_mm)
+    }),
     ("path.max_drive_deviation_mm", |run| {
-        run.path.max_drive_deviation_mm
+        Some(run.path.max_drive_deviation_mm)
+    }),
+    ("path.max_circular_deviation_mm", |run| {
+        run.path.max_circular_deviation_mm
     }),
 ];
 const OF_AXIS: [Named<AxisSummary>; 3] = [
@@ -44,7 +52,7 @@ const OF_STRUCTURE: [Named<StructureSummary>; 2] = [
 /// Where a column's number is in a summary: of which axis, drive, gantry or structure, by name.
 #[derive(Clone, Debug)]
 enum Number {
-    Run(fn(&Summary) -> f64),
+    Run(OfRun),
     Axis(String, fn(&AxisSummary) -> f64),
     Drive(String, fn(&DriveSummary) -> f64),
     Gantry(String, fn(&GantrySummary) -> f64),
@@ -52,10 +60,10 @@ enum Number {
 }
 
 impl Number {
-    /// `None` where the machine of a run has nothing of that name.
+    /// `None` where the machine or the program of a run has nothing of that name.
     fn of(&self, summary: &Summary) -> Option<f64> {
         match self {
-            Self::Run(number) => Some(number(summary)),
+            Self::Run(number) => number(summary),
             Self::Axis(name, number) => summary.axes.iter().find(|it| it.name == *name).map(number),
             Self::Drive(name, number) => summary
                 .drives

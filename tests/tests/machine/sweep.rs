@@ -133,6 +133,53 @@ fn the_commands_that_are_told_repeat_the_runs() {
     );
 }
 
+/// The worst of a run's full circles has a column, whose worst is told; a program without any leaves it empty.
+#[test]
+fn the_worst_circle_of_a_run_has_a_column() {
+    const COLUMN: &str = "path.max_circular_deviation_mm";
+    let of = |program: &str| {
+        let mut files = Files::new(VARY);
+        files.program = files.folder.file("circles.ngc", program);
+        let csv = files.folder.path("runs.csv");
+        let mut sweep = files.sweep("parts", &["--runs", "3", "--csv"]);
+        let output = sweep.arg(&csv).output().unwrap();
+        let (code, told, errors) = ended(&output);
+        assert_eq!(code, 0, "{errors}");
+        let rows = rows(&files.folder.read("runs.csv"));
+        (files, rows, told.to_owned())
+    };
+    let (files, with, told) = of("G17 F3000\nG1 X30\nG2 I-10\nG1 F600\nG3 I-10\nM2\n");
+    let mut worst = 0.0_f64;
+    for row in &with {
+        let mut command = syncline();
+        command
+            .arg("validate")
+            .args([&files.machine, &files.program]);
+        command.args(["--json", "-", "--seed", &row["seed"]]);
+        for key in ["axis.X.max_jerk", "path.mode"] {
+            let value = &row[&format!("set.{key}")];
+            command.arg("--set").arg(format!("{key}={value}"));
+        }
+        let output = command.output().unwrap();
+        let (_, json, errors) = ended(&output);
+        let json: serde_json::Value = serde_json::from_str(json).expect(errors);
+        let circles = json["circles"].as_array().expect("two full circles");
+        assert_eq!(circles.len(), 2);
+        let deviations = circles
+            .iter()
+            .map(|it| it["circular_deviation_mm"].as_f64());
+        let greatest = deviations.map(Option::unwrap).fold(0.0, f64::max);
+        assert!(greatest > 0.0);
+        assert_eq!(row[COLUMN].parse(), Ok(greatest));
+        assert_eq!(json["path"]["max_circular_deviation_mm"], greatest);
+        worst = worst.max(greatest);
+    }
+    assert!(told.contains(&format!("{COLUMN} {worst} in run")), "{told}");
+    let (_, without, told) = of(PROGRAM);
+    assert!(without.iter().all(|row| row[COLUMN].is_empty()));
+    assert!(!told.contains(COLUMN), "{told}");
+}
+
 /// Whatever processes make the parts, in one folder or in several, the table is the same to the byte.
 #[test]
 fn shards_come_to_what_one_process_comes_to() {

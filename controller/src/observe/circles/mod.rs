@@ -160,6 +160,8 @@ pub(super) struct Circles {
     /// The last ones, to be held against those in the other direction.
     turns: VecDeque<Turn>,
     pictured: usize,
+    /// The greatest circular deviation of a turn, also of those that are left off, mm.
+    pub(super) greatest: Option<f64>,
     pub(super) told: Kept<CircleSummary>,
 }
 
@@ -316,6 +318,7 @@ impl Circles {
                 summary.profile = turn.profile();
             }
             let (value, limit) = (summary.circular_deviation_mm, self.tolerance);
+            self.greatest = Some(self.greatest.map_or(value, |it| it.max(value)));
             if value > limit {
                 violations.push(Violation {
                     what: "circular_deviation".to_owned(),
