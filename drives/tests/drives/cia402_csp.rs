@@ -1,6 +1,7 @@
 //! The drive by the profile alone on its bus: set-up, state machine, setpoints.
 
 use crate::common::{Bench, id, ms};
+use std::time::Duration;
 use syncline_canopen::cia402::State;
 use syncline_canopen::{CobId, nmt};
 use syncline_drives::mechanics::rigid::Rigid;
@@ -178,6 +179,33 @@ fn a_missing_sync_is_ridden_out_as_its_policy_says() {
     });
     bench.wait(ms(500));
     assert_eq!(bench.state(), State::OperationEnabled);
+}
+
+/// Where SYNC is a little late, the reference rests at its setpoint already, and the motor turns on: a quick stop that comes
+/// with that SYNC takes the way of its ramp as one that comes in time does, half a revolution from 10 rev/s by 100 rev/s².
+#[test]
+fn a_quick_stop_behind_a_late_sync_brakes_by_its_ramp() {
+    for late in [0, 500] {
+        let mut bench = Bench::following(TwinConfig::new(id(NODE)));
+        let ramp = (100.0 * REVOLUTION) as u32;
+        bench.write(NODE, 0x6085, 0, &ramp.to_le_bytes()).unwrap();
+        let mut target = bench.position();
+        for k in 1..=20 {
+            target += 10_486 * k.min(10);
+            bench.cycles(1, 0x0F, target);
+        }
+        bench.wait(Duration::from_micros(late));
+        let from = f64::from(bench.position());
+        bench.cycles(1, 0x0B, target);
+        assert_eq!(bench.state(), State::QuickStopActive);
+        bench.wait(ms(200));
+        assert_eq!(bench.state(), State::SwitchOnDisabled, "{:?}", bench.emcy());
+        let way = (f64::from(bench.position()) - from) / REVOLUTION;
+        assert!(
+            (0.4..0.6).contains(&way),
+            "{late} µs late: {way} revolutions"
+        );
+    }
 }
 
 #[test]

@@ -432,8 +432,14 @@ impl ServoFirmware for Drive {
         self.motion = Motion::Hold;
     }
 
-    /// Lets the reference come to rest with the quick stop ramp.
+    /// Lets the reference come to rest with the quick stop ramp. Where SYNC is a little late it rests at its setpoint
+    /// already and the motor turns on: from the motor's velocity then, as a ramp from rest would be none.
     fn brake(&mut self) {
+        if let Motion::Follow(segment) = self.motion
+            && segment.is_over(self.servo.now)
+        {
+            self.reference.velocity = self.servo.velocity.velocity();
+        }
         if self.motion != Motion::Hold {
             self.motion = Motion::Stop(match self.mode {
                 VELOCITY => self.settings.velocity_quick_stop * self.velocity_unit(),

@@ -46,15 +46,20 @@ impl Segment {
     /// Where the reference is.
     #[must_use]
     pub fn at(&self, now: Instant) -> Ramp {
-        let elapsed = seconds(now.saturating_since(self.since));
-        if elapsed >= self.period {
+        if self.is_over(now) {
             return Ramp::at(self.to);
         }
         let velocity = self.velocity();
         Ramp {
-            position: self.from + velocity * elapsed,
+            position: self.from + velocity * seconds(now.saturating_since(self.since)),
             velocity,
         }
+    }
+
+    /// Whether the reference has come to the setpoint, where it rests.
+    #[must_use]
+    pub fn is_over(&self, now: Instant) -> bool {
+        seconds(now.saturating_since(self.since)) >= self.period
     }
 
     /// Mean change of velocity since the setpoint before, increments/s², for the feed forward.
