@@ -628,7 +628,7 @@ impl MachineSpec {
             );
         }
         for axis in &self.axes {
-            axis.write(&mut text);
+            axis.write(&self.models, &mut text);
         }
         for (place, io) in self.io_nodes.iter().enumerate() {
             io.write(place, &mut text);
