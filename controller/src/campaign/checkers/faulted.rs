@@ -42,7 +42,8 @@ fn obeys(scene: &Scene<'_>, drive: usize) -> bool {
 
 impl Checker for Faulted {
     fn woken(&mut self, scene: &Scene<'_>, found: &mut Found) {
-        self.was_started |= (Phase::Start..=Phase::Disable).contains(&scene.phase);
+        // A machine that comes to be disabled before this phase was reached has started none.
+        self.was_started |= scene.phase == Phase::Start;
         let rests = matches!(scene.state, State::Faulted | State::Disabled);
         let last = scene.interferences.last();
         let is_over = last.is_none_or(|(at, _)| scene.since(*at) > WITHIN);
