@@ -474,10 +474,15 @@ pub enum Fault {
     )]
     CutterCorner { line: u32 },
     #[error(
-        "the tool does not fit between line {line} and this block: its radius is {radius:.4} mm: \
-         take a smaller tool"
+        "on its way along this block the tool cuts {depth:.4} mm into the contour of line {line}: its radius is \
+         {radius:.4} mm: take a smaller tool, or part the contours by G40 and G41"
     )]
-    CutterGouge { line: u32, radius: f64 },
+    CutterCuts { line: u32, depth: f64, radius: f64 },
+    #[error(
+        "on its way along line {line} the tool cuts {depth:.4} mm into the contour of this block: its radius is \
+         {radius:.4} mm: take a smaller tool, or part the contours by G40 and G41"
+    )]
+    CutterHasCut { line: u32, depth: f64, radius: f64 },
     #[error(
         "{allowed} blocks without a move in the plane while G41 or G42 is on, which has to know \
          the next: write G40 before them"

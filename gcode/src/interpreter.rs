@@ -46,6 +46,8 @@ pub struct Interpreter {
     /// What the block that is being executed asks for, in the program's own positions.
     actions: VecDeque<Action>,
     compensation: Option<Compensation>,
+    /// What has ended, while the tool is still beside its contour.
+    left: Option<Compensation>,
     /// A block of a compensated contour was refused: nothing is known of the contour up to its G40.
     contour_lost: bool,
     /// Blocks are read that are not executed, up to the end of a branch, a loop or a subroutine.
@@ -156,6 +158,7 @@ impl Interpreter {
             control: Control::default(),
             actions: VecDeque::new(),
             compensation: None,
+            left: None,
             contour_lost: false,
             reads_over: false,
             only_read: false,
@@ -305,7 +308,7 @@ impl Interpreter {
             self.only_read = true;
         }
         self.actions.clear();
-        self.compensation = None;
+        (self.compensation, self.left) = (None, None);
         self.contour_lost = self.state.cutter().is_some();
         self.settled_at = self.state.at;
         self.ended = false;
@@ -663,11 +666,16 @@ impl Interpreter {
         {
             compensation.finish(&judge, &mut self.pending)?;
             self.settled_at = compensation.at();
-            self.compensation = None;
+            self.left = self.compensation.take();
         }
+        let block = &self.block.text;
+        let origin = || Origin {
+            span,
+            text: block.as_str().into(),
+        };
         if let Some(cutter) = cutter {
-            let text = self.block.text.as_str().into();
-            let origin = Origin { span, text };
+            self.left = None;
+            let origin = origin();
             let start = || Compensation::new(cutter, self.settled_at);
             let compensation = self.compensation.get_or_insert_with(start);
             for action in self.actions.drain(..) {
@@ -676,7 +684,12 @@ impl Interpreter {
             return Ok(());
         }
         for action in self.actions.drain(..) {
-            self.settled_at = action.destination().unwrap_or(self.settled_at);
+            if let Some(to) = action.destination() {
+                if let Some(left) = self.left.take() {
+                    left.leave(&to, &origin())?;
+                }
+                self.settled_at = to;
+            }
             self.pending.push_back(Command { span, action });
         }
         Ok(())

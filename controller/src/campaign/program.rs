@@ -426,11 +426,20 @@ impl Writer {
                 format!("{}{} {}{}", letters[0], at[0], letters[1], at[1]),
             )
         };
-        let (beside, way) = place([-0.4, 0.0]);
-        let hand = *self.dice.pick(&["G41.1", "G42.1"]);
+        // From the tool's side onto the middle of the first line, and off it again.
+        let (hand, towards) = *self.dice.pick(&[("G41.1", 0.4), ("G42.1", -0.4)]);
+        let (beside, way) = place([0.5, towards]);
         self.push(format!("{code} G0 {way}"));
         self.push(format!("{hand} D{diameter}"));
-        for corner in [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.0, 0.0]] {
+        let middle = [0.5, 0.0];
+        for corner in [
+            middle,
+            [1.0, 0.0],
+            [1.0, 1.0],
+            [0.0, 1.0],
+            [0.0, 0.0],
+            middle,
+        ] {
             self.push(format!("G1 {}", place(corner).1));
         }
         self.push(format!("G40 G1 {way}"));

@@ -26,23 +26,17 @@
 //! **Why nothing is cut beyond the contour.** A parallel is R away from its block, and after its
 //! cuts it begins and ends where it touches its neighbours. A block whose parallel has nothing left
 //! between two cuts, or that would have to be gone through backwards, is one that the tool does not
-//! fit into, and is refused: an arc that is narrower than the tool, a step lower than R. What
-//! remains are contours that close in on themselves behind a wider place, as the neck of a bottle.
-//! There, and only there, two walls face each other across the tool: seen along the contour it has
-//! turned towards the tool by a half turn, more or less. So the tool's way along each block is
-//! measured against every one of the last [`REMEMBERED`] blocks that faces it, by the exact
-//! distance of lines and arcs. A way onto a contour that crosses the way off it, as it does behind
-//! a full circle, has turned by a whole turn or more, and is none of that.
+//! fit into, and is refused: an arc that is narrower than the tool, a step lower than R. All else
+//! that the tool may cut into, wherever it is along the contour, is found by measuring the whole of
+//! its way against the whole of the contour: `gouge` says what counts. A part of the contour is known
+//! to that as soon as its block is read, a part of the way before it is handed out.
 //!
 //! **The ways on and off** are straight. The move behind G41 ends beside its end point, as if it
 //! were the contour's first block; being longer than R, it begins outside of the tool's reach of
-//! it. The move behind G40 leads from beside the last block to its own end point. What the tool
-//! meets on these two is the program's affair.
-//!
-//! Measuring every block against all others of the contour, whichever way they face, was tried on
-//! paper and refused what everybody writes: an arc onto a pocket's wall lies inside the pocket, and
-//! is cut when the tool comes round.
+//! it. The move behind G40 leads from beside the last block to its own end point.
 
+mod gouge;
+mod nearby;
 mod segment;
 mod words;
 
@@ -53,17 +47,13 @@ use super::arc::{Arc, Direction, Plane};
 use super::axes::{AxisLetter, Point};
 use super::command::{Action, Command, Feed, Span};
 use super::error::{Fault, Origin, Refusal};
+use gouge::GougeCheck;
 use segment::{CircularArc, ROUNDING, Segment, Vector, along, cross, distance, dot, left_of};
 
-/// How far the tool may cut beyond the contour, where programs round their digits, mm.
+/// How far a joint may cut beyond the contour, where programs round their digits, mm.
 const NEGLIGIBLE: f64 = 0.001;
 /// Moves in the plane, gaps and arcs shorter than this are rounding of the program's, mm.
 const SHORT: f64 = 1e-6;
-/// How many parts of the contour and of the tool's way are remembered to find walls that are too
-/// near to each other.
-const REMEMBERED: usize = 1000;
-/// Arcs are remembered in parts that turn by this much, rad: few, and each with one way to face.
-const PART: f64 = PI / 8.0;
 /// How many commands may wait for the next move in the plane.
 const MAX_WAITING: usize = 1000;
 
@@ -100,32 +90,8 @@ struct Held {
     entering: bool,
     /// How far the contour has turned to its start, rad, positive to the left.
     turned: f64,
-    /// How much of that, towards the tool, lies in gaps within reach of it.
-    in_gaps: f64,
-    corner: InsideCorner,
-}
-
-/// The last inside corner before the end of a block's path: what goes back so far cuts into its
-/// other block.
-#[derive(Clone, Copy, Debug)]
-struct InsideCorner {
-    /// How far it is behind, mm.
-    behind: f64,
-    /// How far the contour turns there towards the tool, rad.
-    turn: f64,
-}
-
-impl InsideCorner {
-    /// There is none, or an outside corner parts the tool from it.
-    const NONE: InsideCorner = InsideCorner {
-        behind: f64::INFINITY,
-        turn: 0.0,
-    };
-
-    /// How deep the tool cuts in where it goes back, mm.
-    fn depth(&self, back: f64) -> f64 {
-        (back - self.behind).max(0.0) * libm::sin(self.turn.min(FRAC_PI_2))
-    }
+    /// Where it begins and ends across the plane, mm.
+    heights: [f64; 2],
 }
 
 /// What stands between two moves in the plane.
@@ -146,18 +112,6 @@ enum Joint {
     Gap,
 }
 
-/// A part of the contour or of the tool's way, as it is remembered.
-#[derive(Clone, Copy, Debug)]
-struct Part {
-    segment: Segment,
-    extent: [Vector; 2],
-    /// How far the contour has turned at its start and end, rad.
-    turned: [f64; 2],
-    /// Its least and greatest coordinate across the plane, mm.
-    height: [f64; 2],
-    line: u32,
-}
-
 /// Turns the contour of a program into the way of the tool's centre.
 #[derive(Debug)]
 pub(crate) struct Compensation {
@@ -168,8 +122,7 @@ pub(crate) struct Compensation {
     programmed: Point,
     held: Option<Held>,
     waiting: Vec<Waiting>,
-    contours: VecDeque<Part>,
-    paths: VecDeque<Part>,
+    check: GougeCheck,
 }
 
 impl Compensation {
@@ -181,8 +134,7 @@ impl Compensation {
             programmed: at,
             held: None,
             waiting: Vec::new(),
-            contours: VecDeque::new(),
-            paths: VecDeque::new(),
+            check: GougeCheck::new(cutter.radius),
         }
     }
 
@@ -258,10 +210,18 @@ impl Compensation {
         judge: Judge<'_>,
         commands: &mut VecDeque<Command>,
     ) -> Result<(), Refusal> {
-        match self.held.take() {
-            Some(held) => self.hand_out(held, &mut Out { judge, commands }),
-            None => Ok(()),
+        if let Some(held) = self.held.take() {
+            self.hand_out(held, &mut Out { judge, commands })?;
         }
+        self.check.finish()
+    }
+
+    /// Judges the move behind G40, which leads off the contour.
+    pub(crate) fn leave(&self, to: &Point, origin: &Origin) -> Result<(), Refusal> {
+        let (from, ends) = (self.in_plane(&self.at), self.in_plane(to));
+        let across = self.cutter.plane.axes()[2];
+        let way = Segment::Line { from, to: ends };
+        (self.check).way_off(way, [self.at[across], to[across]], origin)
     }
 
     /// Keeps what stands between two moves in the plane; before the first there is nothing to wait
@@ -304,6 +264,7 @@ impl Compensation {
                 return Err(origin.refuse(Fault::CutterEntry { length, radius }));
             }
         }
+        let across = self.cutter.plane.axes()[2];
         let Some(path) = contour.parallel(self.side() * radius) else {
             return Err(origin.refuse(Fault::CutterArc {
                 radius: contour.curvature().recip().abs(),
@@ -318,8 +279,7 @@ impl Compensation {
             end,
             entering,
             turned: 0.0,
-            in_gaps: 0.0,
-            corner: InsideCorner::NONE,
+            heights: [self.programmed[across], end[across]],
         })
     }
 
@@ -337,61 +297,37 @@ impl Compensation {
             let line = held.origin.span.line;
             return Err(next.origin.refuse(Fault::CutterCorner { line }));
         };
-        if let Joint::Meet { behind, ahead } = joint {
-            held.path = held.path.without_end(behind);
-            next.path = next.path.without_start(ahead);
+        if let Joint::Meet { behind: cut, ahead } = joint {
+            held.path = held.path.without_end_along(cut, before);
+            next.path = next.path.without_start_along(ahead, behind);
         }
-        let turned = held.turned + held.contour.turning();
-        let (in_gaps, corner) = (held.in_gaps, held.corner);
-        let inward = turn * self.side();
-        let short = held.path.length() < self.cutter.radius;
-        let (end, line) = (held.end, held.origin.span.line);
-        let (origin, speed) = (held.origin.clone(), held.speed);
+        next.turned = held.turned + held.contour.turning();
+        next.turned += match &joint {
+            Joint::Around(corner) => corner.turning(),
+            Joint::Meet { .. } | Joint::Gap => turn,
+        };
+        (self.check).contour(next.contour, next.turned, next.heights, &next.origin)?;
+        let (end, origin, speed) = (held.end, held.origin.clone(), held.speed);
         self.hand_out(held, out)?;
-        next.turned = turned + turn;
         match joint {
-            Joint::Meet { .. } => {
-                next.corner = if inward > 0.0 {
-                    InsideCorner {
-                        behind: 0.0,
-                        turn: inward,
-                    }
-                } else {
-                    corner
-                };
-            }
+            Joint::Meet { .. } => {}
             Joint::Around(corner) => {
-                next.turned = turned + corner.turning();
                 let speed = match speed {
                     Speed::Rapid => next.speed,
                     feed => feed,
                 };
-                let height = self.at[self.cutter.plane.axes()[2]];
-                let parts = Part::of(corner, turned, [height; 2], line);
-                self.measure(parts, false, &origin)?;
                 self.follow(corner, speed, self.at, &origin, out)?;
             }
             Joint::Gap => {
-                next.in_gaps = inward.max(0.0);
-                next.corner = corner;
-                next.corner.behind -= self.step_back(inward);
-                if short {
-                    next.in_gaps += in_gaps;
-                }
                 let to = self.out_of_plane(next.path.from(), end);
-                if distance(self.in_plane(&self.at), next.path.from()) > SHORT {
-                    out.go(&mut self.at, self::line(next.speed, to), &origin)?;
+                let (from, ends) = (self.in_plane(&self.at), next.path.from());
+                if distance(from, ends) > SHORT {
+                    self.go(line(next.speed, to), &origin, out)?;
                 }
             }
         }
-        next.corner.behind += next.path.length();
         self.held = Some(next);
         Ok(())
-    }
-
-    /// How far the tool goes back in a gap where the contour turns towards it, mm.
-    fn step_back(&self, inward: f64) -> f64 {
-        2.0 * self.cutter.radius * libm::sin(inward.max(0.0) / 2.0)
     }
 
     /// How the paths of two blocks join, whose contours turn by an angle between them; `None` if
@@ -444,9 +380,7 @@ impl Compensation {
             }
         }
         // Too short to be cut, but so little turned that no more than digits are lost.
-        let turned = held.in_gaps + inward;
-        let depth = radius * (1.0 - libm::cos(turned)) + held.corner.depth(self.step_back(inward));
-        (depth < NEGLIGIBLE).then_some(Joint::Gap)
+        (radius * (1.0 - libm::cos(inward)) < NEGLIGIBLE).then_some(Joint::Gap)
     }
 
     /// The tool's way around the corner at a block's end, by an angle away from the tool.
@@ -465,22 +399,18 @@ impl Compensation {
 
     /// Hands out a block along its path, and what waited for its end.
     fn hand_out(&mut self, held: Held, out: &mut Out<'_>) -> Result<(), Refusal> {
-        let across = self.cutter.plane.axes()[2];
-        let (from, to) = (self.at[across], held.end[across]);
-        let height = [from.min(to), from.max(to)];
-        let line = held.origin.span.line;
         if held.entering {
             let to = self.out_of_plane(held.path.to(), held.end);
-            out.go(&mut self.at, self::line(held.speed, to), &held.origin)?;
+            let (from, ends) = (self.in_plane(&self.at), held.path.to());
+            let heights = self.heights_to(&to);
+            (self.check).way(
+                Segment::Line { from, to: ends },
+                heights,
+                true,
+                &held.origin,
+            )?;
+            out.go(&mut self.at, line(held.speed, to), &held.origin)?;
         } else {
-            let before_path = match (held.path, held.contour) {
-                (Segment::Arc(path), Segment::Arc(contour)) => path.start - contour.start,
-                _ => 0.0,
-            };
-            let path = Part::of(held.path, held.turned + before_path, height, line);
-            let contour = Part::of(held.contour, held.turned, height, line);
-            self.measure(path, false, &held.origin)?;
-            self.measure(contour, true, &held.origin)?;
             self.follow(held.path, held.speed, held.end, &held.origin, out)?;
         }
         for waiting in std::mem::take(&mut self.waiting) {
@@ -528,54 +458,47 @@ impl Compensation {
                     turns as u32,
                 );
                 let arc = arc.map_err(|fault| origin.refuse(fault))?;
+                let heights = self.heights_to(&to);
+                self.check.way(path, heights, false, origin)?;
                 out.go(&mut self.at, Action::Arc { arc, feed }, origin)
             }
             // At rapid around a corner on tangents to the arc, which stay clear of the contour.
             (Segment::Arc(_), Speed::Rapid) => {
-                for part in path.parts(FRAC_PI_2) {
+                let quarters = (path.turning().abs() / FRAC_PI_2).ceil().max(1.0);
+                for part in path.parts(quarters as u32) {
                     let [direction, _] = part.directions();
                     let tangent = part.length() / part.turning().abs()
                         * libm::tan(part.turning().abs() / 2.0);
                     let over = along(part.from(), direction, tangent);
                     for point in [over, part.to()] {
                         let to = self.out_of_plane(point, end);
-                        out.go(&mut self.at, Action::Rapid { to }, origin)?;
+                        self.go(Action::Rapid { to }, origin, out)?;
                     }
                 }
                 Ok(())
             }
-            _ => out.go(&mut self.at, line(speed, to), origin),
+            _ => self.go(line(speed, to), origin, out),
         }
     }
 
-    /// Measures parts of the contour, or of the tool's way, against all that was remembered of the
-    /// other and faces them, and remembers them too.
-    fn measure(
-        &mut self,
-        parts: impl Iterator<Item = Part>,
-        are_contour: bool,
-        origin: &Origin,
-    ) -> Result<(), Refusal> {
-        let (cutter, side) = (self.cutter, self.side());
-        let (own, others) = if are_contour {
-            (&mut self.contours, &self.paths)
-        } else {
-            (&mut self.paths, &self.contours)
-        };
-        for part in parts {
-            let met = others
-                .iter()
-                .find(|other| part.cuts_into(other, cutter.radius, side));
-            if let Some(met) = met {
-                let (line, radius) = (met.line, cutter.radius);
-                return Err(origin.refuse(Fault::CutterGouge { line, radius }));
+    /// Hands out a straight move along the contour.
+    fn go(&mut self, action: Action, origin: &Origin, out: &mut Out<'_>) -> Result<(), Refusal> {
+        if let Some(to) = action.destination() {
+            let way = Segment::Line {
+                from: self.in_plane(&self.at),
+                to: self.in_plane(&to),
+            };
+            if way.length() > SHORT {
+                (self.check).way(way, self.heights_to(&to), false, origin)?;
             }
-            if own.len() == REMEMBERED {
-                own.pop_front();
-            }
-            own.push_back(part);
         }
-        Ok(())
+        out.go(&mut self.at, action, origin)
+    }
+
+    /// Where the tool is across the plane, and where it goes, mm.
+    fn heights_to(&self, to: &Point) -> [f64; 2] {
+        let across = self.cutter.plane.axes()[2];
+        [self.at[across], to[across]]
     }
 
     fn in_plane(&self, point: &Point) -> Vector {
@@ -589,53 +512,6 @@ impl Compensation {
         let mut to = others;
         (to[first], to[second]) = (point[0], point[1]);
         to
-    }
-}
-
-impl Part {
-    fn of(
-        segment: Segment,
-        turned: f64,
-        height: [f64; 2],
-        line: u32,
-    ) -> impl Iterator<Item = Part> {
-        let mut turned = turned;
-        segment.parts(PART).map(move |segment| {
-            let start = turned;
-            turned += segment.turning();
-            Part {
-                segment,
-                extent: segment.extent(),
-                turned: [start, turned],
-                height,
-                line,
-            }
-        })
-    }
-
-    /// Whether the tool on one of the two cuts into the other: the contour has turned towards the
-    /// tool by about half a turn from the earlier to this one, they are at one height, and nearer
-    /// to each other than the tool's radius.
-    fn cuts_into(&self, earlier: &Part, radius: f64, side: f64) -> bool {
-        let turns = [0, 1].map(|i| [0, 1].map(|j| side * (self.turned[i] - earlier.turned[j])));
-        let turns = turns.as_flattened().iter();
-        let least = turns.clone().fold(f64::INFINITY, |a, b| a.min(*b));
-        let most = turns.fold(f64::NEG_INFINITY, |a, b| a.max(*b));
-        if most <= FRAC_PI_2 || least >= 3.0 * FRAC_PI_2 {
-            return false;
-        }
-        let reach = radius - NEGLIGIBLE;
-        let apart = |k: usize| {
-            let [low, high] = self.extent;
-            let [other_low, other_high] = earlier.extent;
-            (other_low[k] - high[k]).max(low[k] - other_high[k])
-        };
-        let level = self.height[0] <= earlier.height[1] + SHORT
-            && earlier.height[0] <= self.height[1] + SHORT;
-        level
-            && apart(0) < reach
-            && apart(1) < reach
-            && self.segment.distance(&earlier.segment) < reach
     }
 }
 

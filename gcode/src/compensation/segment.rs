@@ -188,9 +188,19 @@ impl Segment {
 
     /// The segment with this much taken off its start; what is less than nothing is added.
     pub(crate) fn without_start(&self, length: f64) -> Segment {
+        self.without_start_along(length, self.directions()[0])
+    }
+
+    /// The segment with this much taken off its end.
+    pub(crate) fn without_end(&self, length: f64) -> Segment {
+        self.reversed().without_start(length).reversed()
+    }
+
+    /// The segment with this much taken off its start. Of a line nothing may be left, so that its direction is told.
+    pub(crate) fn without_start_along(&self, length: f64, direction: Vector) -> Segment {
         match *self {
             Segment::Line { from, to } => Segment::Line {
-                from: along(from, self.directions()[0], length),
+                from: along(from, direction, length),
                 to,
             },
             Segment::Arc(arc) => {
@@ -204,16 +214,26 @@ impl Segment {
         }
     }
 
-    /// The segment with this much taken off its end.
-    pub(crate) fn without_end(&self, length: f64) -> Segment {
-        self.reversed().without_start(length).reversed()
+    /// The same at its end.
+    pub(crate) fn without_end_along(&self, length: f64, direction: Vector) -> Segment {
+        let back = direction.map(|x| -x);
+        self.reversed().without_start_along(length, back).reversed()
     }
 
-    /// The segment in parts that turn by no more than an angle, rad.
-    pub(crate) fn parts(self, most: f64) -> impl Iterator<Item = Segment> {
-        let count = (self.turning().abs() / most).ceil().max(1.0);
+    /// The segment in so many equal parts.
+    pub(crate) fn parts(self, count: u32) -> impl Iterator<Item = Segment> {
+        let count = f64::from(count);
         (0..count as u32).map(move |part| match self {
-            Segment::Line { .. } => self,
+            Segment::Line { from, to } => {
+                let at = |part: f64| [0, 1].map(|k| from[k] + (to[k] - from[k]) * part / count);
+                let part = f64::from(part);
+                let to = if part + 1.0 < count {
+                    at(part + 1.0)
+                } else {
+                    to
+                };
+                Segment::Line { from: at(part), to }
+            }
             Segment::Arc(arc) => Segment::Arc(CircularArc {
                 start: arc.start + arc.sweep * f64::from(part) / count,
                 sweep: arc.sweep / count,
@@ -278,15 +298,60 @@ impl Segment {
         least
     }
 
+    /// Where the segment is first touched by another one that goes along: how far that is along this one
+    /// and along the other, mm. They touch where they are no farther apart than `most`.
+    pub(crate) fn touches(&self, other: &Segment, most: f64) -> Option<[f64; 2]> {
+        let crossing = |point: Vector| {
+            let holds = self.holds(point) && other.holds(point);
+            holds.then(|| [self.ahead(point), other.ahead(point)])
+        };
+        let from_other = |point: Vector| {
+            let (ahead, apart) = self.nearest(point);
+            (apart <= most).then(|| [ahead, other.ahead(point)])
+        };
+        let from_this = |point: Vector| {
+            let (ahead, apart) = other.nearest(point);
+            (apart <= most).then(|| [self.ahead(point), ahead])
+        };
+        let crossings = self.crossings(other).into_iter().flatten();
+        let feet = self.foot_of_center(other).into_iter().flatten();
+        let feet = feet.filter(|foot| self.holds(*foot));
+        (crossings.filter_map(crossing))
+            .chain(
+                [other.from(), other.to()]
+                    .into_iter()
+                    .filter_map(from_other),
+            )
+            .chain(
+                [self.from(), self.to()]
+                    .into_iter()
+                    .chain(feet)
+                    .filter_map(from_this),
+            )
+            .min_by(|a, b| a[1].total_cmp(&b[1]))
+    }
+
+    /// The points of this one's line or circle that are nearest to, and farthest from, the centre of another one.
+    fn foot_of_center(&self, other: &Segment) -> [Option<Vector>; 2] {
+        match other {
+            Segment::Arc(arc) => self.feet(arc.center),
+            Segment::Line { .. } => [None; 2],
+        }
+    }
+
     /// The distance of a point from the segment, mm.
     fn distance_to(&self, point: Vector) -> f64 {
-        let ends = distance(point, self.from()).min(distance(point, self.to()));
-        self.feet(point)
-            .into_iter()
-            .flatten()
-            .filter(|foot| self.holds(*foot))
-            .map(|foot| distance(point, foot))
-            .fold(ends, f64::min)
+        self.nearest(point).1
+    }
+
+    /// How far the point that is nearest to another is ahead of the segment's start, and how far the two are apart, mm.
+    fn nearest(&self, point: Vector) -> (f64, f64) {
+        let ends = [(0.0, self.from()), (self.length(), self.to())];
+        let feet = self.feet(point).into_iter().flatten();
+        let feet = feet.filter(|foot| self.holds(*foot));
+        (feet.map(|foot| (self.ahead(foot), foot)).chain(ends))
+            .map(|(ahead, nearest)| (ahead, distance(point, nearest)))
+            .fold((0.0, f64::INFINITY), |a, b| if b.1 < a.1 { b } else { a })
     }
 
     /// The points of the segment's line or circle whose perpendicular goes through a point.

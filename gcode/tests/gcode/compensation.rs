@@ -56,7 +56,7 @@ G1 Y20 Z40
 Y40
 Z60
 G3 Y60 Z80 K20
-G40 G0 X0 Y0 Z0
+G40 G0 Y80 Z80
 M2"
     ));
 }
@@ -123,11 +123,11 @@ fn what_a_compensated_contour_refuses() {
         (format!("{on}Y4\nX30"), "5:1"),
         // Saved modes.
         (
-            "F600\nG41 D1 G1 X20\nX40\nM70\nG40 X0\nM72".to_owned(),
+            "F600\nG41 D1 G1 X20\nX40\nM70\nG40 Y20\nM72".to_owned(),
             "6:1",
         ),
         (
-            "F600\nG41 D1 G1 X20\nX40\nM70\nG40 X0 Y-20\nG55\nG41 D1 X20\nX40\nM72".to_owned(),
+            "F600\nG41 D1 G1 X20\nX40\nM70\nG40 X60\nG55\nG41 D1 X80\nX99\nM72".to_owned(),
             "9:1",
         ),
         // The neck of a bottle.

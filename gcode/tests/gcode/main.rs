@@ -4,6 +4,7 @@ mod arcs;
 mod compensation;
 mod cycles;
 mod flow;
+mod gouges;
 mod homing;
 mod input_results;
 mod linuxcnc;

@@ -204,7 +204,7 @@ fn contour(random: &mut Random) -> String {
         let code = if left > 0.0 { "G3" } else { "G2" };
         text += &format!("{code} X{x:.6} Y{y:.6} I{i:.6} J{j:.6}\n");
     }
-    text + "G90 G40 G1 X0 Y0\nM2\n"
+    text + "G90 G40 G1 X0 Y0 Z5\nM2\n"
 }
 
 /// The same contour under G18, whose axes are Z and X.
