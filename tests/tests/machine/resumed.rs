@@ -500,7 +500,9 @@ fn program(pieces: &[Piece]) -> String {
                     "o{number} repeat [{times}]\nG1 X{x} Y20\nM64 P4\nY-20\no{number} endrepeat\n"
                 )
             }
-            Piece::Pocket => "G41.1 D6\nG1 X20\nX30\nY30\nX-30\nG40 G1 Y-30\n".to_owned(),
+            Piece::Pocket => {
+                "G41.1 D6\nG1 X20\nX30\nY30\nX-30\nG40 G1 X5 Y-15\nX-5 Y-15\n".to_owned()
+            }
             Piece::Code(code) => format!("{code}\n"),
         };
     }
