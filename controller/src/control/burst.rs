@@ -37,16 +37,6 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// Notes on which buses this burst may be late: where setpoints do not change, requests by SDO leave beside them, and a
-    /// device answers when it likes. For those that are asked all the time each cycle has room.
-    pub(super) fn allow_for_answers(&mut self) {
-        for (bus, misses) in self.layout.buses.iter().zip(&mut self.misses) {
-            let mut nodes = bus.devices.iter().map(|&device| &self.nodes[device]);
-            let answers = nodes.any(|node| node.awaits_answer() && !node.is_polled());
-            misses.may_be_late = answers && !self.setpoints_change;
-        }
-    }
-
     /// Whether setpoints go out every cycle.
     pub(super) fn streams(&self) -> bool {
         (Phase::Start..=Phase::Disable).contains(&self.phase) && self.sync_on

@@ -528,8 +528,7 @@ impl<const N: usize> Controller<N> {
         self.row = None;
         for bus in 0..self.misses.len() {
             // What has not left by now has missed this cycle's SYNC.
-            let misses = &mut self.misses[bus];
-            if take(&mut misses.unsent) > 0 && !misses.may_be_late {
+            if take(&mut self.misses[bus].unsent) > 0 {
                 self.miss(bus, self.cycle);
             }
         }
@@ -555,7 +554,6 @@ impl<const N: usize> Controller<N> {
             row.waiting = waiting;
         }
         self.command(now, out);
-        self.allow_for_answers();
         self.send_acyclic(due, out);
         let state = self.state();
         if replace(&mut self.told_state, state) != state {

@@ -440,11 +440,6 @@ impl DeviceNode {
         matches!(self.monitoring(), Monitoring::Poll(_))
     }
 
-    /// Whether an answer by SDO is on its way.
-    pub(super) fn awaits_answer(&self) -> bool {
-        self.sequence.awaits_answer()
-    }
-
     /// Whether the drive reports what is `awaited`.
     pub(super) fn has_reached(&self, awaited: AwaitedState) -> bool {
         let Some(drive) = self.device.drive() else {

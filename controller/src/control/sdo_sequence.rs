@@ -250,11 +250,6 @@ impl SdoSequence {
         }
     }
 
-    /// Whether a request is not answered yet.
-    pub(super) fn awaits_answer(&self) -> bool {
-        self.client.is_busy()
-    }
-
     /// Polls an object once, unless there is something else to do; whether it does.
     pub(super) fn poll_object(&mut self, address: Address) -> bool {
         let is_free = self.steps.is_empty() && !self.client.is_busy();

@@ -18,8 +18,6 @@ pub(super) struct SetpointMisses {
     last: VecDeque<u64>,
     /// Frames of the last burst whose echo is still to come.
     pub(super) unsent: u32,
-    /// The last burst has the setpoints of the one before, which are as good, and an answer by SDO may be in its way.
-    pub(super) may_be_late: bool,
 }
 
 impl SetpointMisses {
@@ -29,7 +27,6 @@ impl SetpointMisses {
             count: 0,
             last: VecDeque::with_capacity(MISSES),
             unsent: 0,
-            may_be_late: false,
         }
     }
 

@@ -7,11 +7,9 @@ use std::fmt::Write as _;
 use std::ops::RangeInclusive;
 use syncline_drives::model::{Address, Assumed, MODELS, Model};
 
-/// Quick stop ramps: CiA 402's, increments/s², and that of an LXM32M, r/(min·s). As a drive leaves the factory the one may
-/// be steeper than many a motor can follow, and the other so gentle that an axis passes its soft limit, where the plan
-/// would have stopped before it. So who sets up a machine writes what the axis takes, where the controller does not.
+/// CiA 402's quick stop ramp, increments/s². As a drive leaves the factory it may be steeper than many a motor
+/// can follow, so who sets up a machine writes what the axis takes, where the controller does not.
 const QUICK_STOP_RAMP: Address = Address::new(0x6085, 0);
-const LXM32M_QUICK_STOP_RAMP: Address = Address::new(0x3006, 0x12);
 
 /// A stepper controller, and what is written to it: its motor's current, mA, which is 400 mA after each power-on.
 pub(super) const STEPPER: &str = "tsp10";
@@ -132,37 +130,13 @@ impl DeviceSpec {
             .copied()
     }
 
-    /// Its quick stop ramp, if it has one for a user to set, and what a revolution/s² is in its units, by what the machine
-    /// file's tables say of models.
-    fn ramped(&self, models: &[String]) -> Option<(Address, f64)> {
+    /// What it counts in a revolution, if it has a quick stop ramp for a user to set.
+    fn ramped(&self) -> Option<f64> {
         let model = self.model()?;
-        let is_users = |ramp: Address| {
-            let mut entries = model.dictionary.iter();
-            entries.any(|entry| entry.address == ramp) && !(model.reserved)(ramp)
-        };
-        if is_users(LXM32M_QUICK_STOP_RAMP) {
-            return Some((LXM32M_QUICK_STOP_RAMP, 60.0));
-        }
-        let increments = (model.increments_per_revolution)(&self.assumed(models));
-        is_users(QUICK_STOP_RAMP).then(|| (QUICK_STOP_RAMP, increments.into()))
-    }
-
-    /// What a revolution counts, where a table says it of this model.
-    fn assumed(&self, models: &[String]) -> Assumed {
-        const KEY: &str = "encoder_increments";
-        let head = format!("[model.{}]", self.model);
-        let own = models
-            .iter()
-            .filter(|table| table.lines().next() == Some(&head));
-        let mut lines = own.flat_map(|table| table.lines());
-        let stated =
-            lines.find_map(|line| line.strip_prefix(KEY)?.strip_prefix(" = ")?.parse().ok());
-        Assumed(
-            stated
-                .map(|increments| (KEY, increments))
-                .into_iter()
-                .collect(),
-        )
+        let mut entries = model.dictionary.iter();
+        let has_ramp = entries.any(|entry| entry.address == QUICK_STOP_RAMP);
+        let is_users = has_ramp && !(model.reserved)(QUICK_STOP_RAMP);
+        is_users.then(|| (model.increments_per_revolution)(&Assumed::default()).into())
     }
 }
 
@@ -352,8 +326,7 @@ impl AxisSpec {
         format!("beside {}", self.letter)
     }
 
-    /// Writes it to a machine file, whose tables say this of models.
-    pub(super) fn write(&self, models: &[String], text: &mut String) {
+    pub(super) fn write(&self, text: &mut String) {
         let name = |side: usize| self.drive_name(side);
         for (side, drive) in self.drives.iter().enumerate() {
             let direction = direction(drive.negative);
@@ -370,9 +343,9 @@ impl AxisSpec {
             if drive.model == STEPPER {
                 let _ = writeln!(text, "sdo = [{STEPPER_SDO}]");
             }
-            if let Some((Address { index, sub }, unit)) = drive.ramped(models) {
-                let ramp = (self.acceleration / self.travel * unit).ceil();
-                let _ = writeln!(text, "sdo = [[\"{index:X}:{sub:X}\", {ramp}]]");
+            if let Some(increments) = drive.ramped() {
+                let ramp = self.acceleration / self.travel * increments;
+                let _ = writeln!(text, "sdo = [[\"6085:0\", {}]]", ramp.ceil());
             }
             for wire in &drive.wires {
                 wire.write("drive", &name(side), text);

@@ -628,7 +628,7 @@ impl MachineSpec {
             );
         }
         for axis in &self.axes {
-            axis.write(&self.models, &mut text);
+            axis.write(&mut text);
         }
         for (place, io) in self.io_nodes.iter().enumerate() {
             io.write(place, &mut text);
