@@ -123,11 +123,12 @@ pub fn passing_time<const N: usize>(blend: &Curve<N>, feed: f64, limits: &Limits
     let Curve::Poly(poly) = blend else {
         return f64::INFINITY;
     };
+    let quintic = &poly.quintic;
     let mut time = 0.0_f64;
     for k in 0..=LOOKS {
         let u = k as f64 / LOOKS as f64;
-        let [first, second, third] = [poly.first(u), poly.second(u), poly.third(u)];
-        time = time.max(poly.rate(u) / feed);
+        let [first, second, third] = [quintic.first(u), quintic.second(u), quintic.third(u)];
+        time = time.max(quintic.rate(u) / feed);
         for i in 0..N {
             time = time
                 .max(first[i].abs() / limits.velocity[i])

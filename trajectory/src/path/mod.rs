@@ -185,6 +185,7 @@ pub struct Move<const N: usize> {
 
 /// What the program feeds to the [`Planner`], one by one.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(clippy::large_enum_variant)] // nearly all are moves
 pub enum PathItem<const N: usize> {
     /// Motion.
     Move(Move<N>),
@@ -236,6 +237,7 @@ impl JerkSegment {
 
 /// What the [`Planner`] hands to the [`Executor`], in order. It can travel through a bounded queue.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(clippy::large_enum_variant)] // a ring's slots are all of one size
 pub enum Command<const N: usize> {
     /// What follows, up to the commit, replaces all that is later than the start of the cycle, as
     /// the [`ReplanRequest`] of that revision asked.

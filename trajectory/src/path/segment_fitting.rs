@@ -19,7 +19,7 @@
 //! do not build up from one to the next.
 
 use super::blend::distance;
-use super::curve::{Curve, Poly};
+use super::curve::{Curve, Poly, Quintic};
 use super::{Move, PathControlMode};
 
 /// Lines up to so many tolerances long are short segments.
@@ -407,12 +407,18 @@ impl<const N: usize> ShortSegments<N> {
             scale *= at[lines] / length;
             *term = term.map(|c| c * scale);
         }
-        let poly = Poly::new(from.q, terms)?;
-        let deviation = self.deviation(&poly, &terms, &at[..=lines]);
-        let [q, d1, d2] = [poly.point(1.0), poly.first(1.0), poly.second(1.0)];
+        let quintic = Quintic {
+            start: from.q,
+            terms,
+        };
+        let deviation = self.deviation(&quintic, &at[..=lines]);
+        if deviation > within {
+            return None;
+        }
+        let [q, d1, d2] = [quintic.point(1.0), quintic.first(1.0), quintic.second(1.0)];
         let by = 1.0 / at[lines];
-        (deviation <= within).then_some(Fit {
-            curve: Curve::Poly(poly),
+        Some(Fit {
+            curve: Curve::Poly(Poly::new(quintic)?),
             lines,
             deviation,
             end: Knot {
@@ -426,17 +432,18 @@ impl<const N: usize> ShortSegments<N> {
     /// How far the polynomial strays from the short segments that end at these lengths, and they from it, at
     /// most: no further than it does at the ends of each, and an eighth of the square of the parameter
     /// in between times the second derivative.
-    fn deviation(&self, poly: &Poly<N>, terms: &[[f64; N]; DEGREE], at: &[f64]) -> f64 {
+    fn deviation(&self, quintic: &Quintic<N>, at: &[f64]) -> f64 {
+        let terms = &quintic.terms;
         let norm = |d: [f64; N]| d.iter().map(|x| x * x).sum::<f64>().sqrt();
         let third = 6.0 * norm(terms[2]) + 24.0 * norm(terms[3]) + 60.0 * norm(terms[4]);
         let length = at[at.len() - 1];
         let mut worst = 0.0_f64;
-        let mut before = distance(&poly.point(0.0), &self.points[0].0);
+        let mut before = distance(&quintic.point(0.0), &self.points[0].0);
         for k in 1..at.len() {
             let [x0, x1] = [at[k - 1], at[k]].map(|at| at / length);
-            let off = distance(&poly.point(x1), &self.points[k].0);
+            let off = distance(&quintic.point(x1), &self.points[k].0);
             let step = x1 - x0;
-            let bend = norm(poly.second(0.5 * (x0 + x1))) + 0.5 * step * third;
+            let bend = norm(quintic.second(0.5 * (x0 + x1))) + 0.5 * step * third;
             let most = before.max(off) + 0.125 * step * step * bend;
             if most.is_nan() {
                 return f64::INFINITY;

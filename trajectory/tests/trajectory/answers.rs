@@ -36,7 +36,30 @@ impl Case {
         cost
     }
 
-    /// Executes it while an operator acts, and checks that it ends.
+    /// Checks that the last four setpoints keep the limits, whatever the plan says of them: their differences are means of
+    /// the derivatives, which are no greater than these are.
+    fn check_differences(&self, sent: &[[f64; 3]; 4], period: f64) {
+        let limits = &self.program.limits;
+        for i in 0..3 {
+            let [a, b, c, d] = sent.map(|position| position[i]);
+            let rounding = 8.0 * f64::EPSILON * (a.abs() + d.abs() + 1.0);
+            let kinds = [
+                ("velocity", d - c, 1, limits.velocity[i]),
+                ("acceleration", d - 2.0 * c + b, 2, limits.acceleration[i]),
+                ("jerk", d - 3.0 * (c - b) - a, 3, limits.jerk[i]),
+            ];
+            for (kind, difference, order, limit) in kinds {
+                let most = limit * period.powi(order);
+                assert!(
+                    difference.abs() <= most * (1.0 + 1e-5) + rounding,
+                    "{kind} of axis {i} is {} of its limit",
+                    difference / most
+                );
+            }
+        }
+    }
+
+    /// Executes it while an operator acts, and checks that setpoints keep the limits and that it ends.
     fn execute(&self, acts: &[(u64, Act)]) {
         let period = 0.004;
         let least = acts.iter().map(|(_, act)| match act {
@@ -56,6 +79,7 @@ impl Case {
         let mut acts = acts.iter();
         let mut next = acts.next();
         let (mut since, mut held) = (0, 0);
+        let mut sent = [self.program.start(); 4];
         loop {
             let executor = &mut machine.executor;
             since += 1;
@@ -75,9 +99,12 @@ impl Case {
                 executor.resume();
                 held = 0;
             }
-            if machine.advance().is_none() {
+            let Some(setpoint) = machine.advance() else {
                 return;
-            }
+            };
+            sent.rotate_left(1);
+            sent[3] = setpoint.position;
+            self.check_differences(&sent, period);
             let cycle = machine.executor.cycle();
             assert!((cycle as f64) < most, "still under way after {most} cycles");
         }
@@ -137,6 +164,25 @@ fn many_short_segments_by_chance() {
     campaign().for_each(check);
 }
 
+/// Setpoints keep the limits where turns are tighter than the tolerance.
+fn check_tight_turns(seed: u64) {
+    let (program, mode) = Draw::of(seed).tight_turns();
+    println!("seed {seed}: {} curves", program.curves.len());
+    Case { program, mode }.execute(&[]);
+}
+
+#[test]
+fn tight_turns_by_chance_keep_the_limits() {
+    (20..40).for_each(check_tight_turns);
+}
+
+/// As long as is wanted: `CASES=1000`, from `SEED=0` on.
+#[test]
+#[ignore = "a campaign of minutes"]
+fn many_tight_turns_by_chance() {
+    campaign().for_each(check_tight_turns);
+}
+
 const PLAIN: Limits<3> = Limits {
     velocity: [200.0; 3],
     acceleration: [2_000.0; 3],
@@ -153,11 +199,12 @@ fn a_turn_tighter_than_the_tolerance_is_planned() {
         let turn = turn.map(|a: f64| [radius * a.sin(), radius - radius * a.cos(), 0.0]);
         let points: Vec<_> = turn.collect();
         for &tolerance in tolerances {
-            Case {
+            let case = Case {
                 program: Program::polyline(PLAIN, &points, Feed::Rate(100.0)),
                 mode: PathControlMode::Blend(tolerance),
-            }
-            .check();
+            };
+            case.check();
+            case.execute(&[]);
         }
     }
 }

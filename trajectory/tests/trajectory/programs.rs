@@ -230,6 +230,49 @@ impl Draw {
         (Program { limits, curves }, mode)
     }
 
+    /// Helices, trochoids and letters in short lines, whose turns are about as tight as the tolerance or tighter, within which
+    /// they are rounded.
+    pub(crate) fn tight_turns(&mut self) -> (Program, PathControlMode) {
+        let tolerance = self.log(0.05, 2.54);
+        let radius = tolerance * self.uniform(0.05, 1.2);
+        let (step, kind) = (self.uniform(0.1, 0.9), self.unit());
+        let mut points = vec![[0.0; 3]];
+        let mut aside = 0.0;
+        let mut turn = 0.0;
+        for k in 1..=self.log(20.0, 300.0) as u32 {
+            turn += step;
+            match kind {
+                0.0..0.4 => {}
+                0.4..0.7 => aside += 0.2 * radius * step,
+                _ if self.unit() < 0.1 => {
+                    aside += radius * self.uniform(0.5, 3.0);
+                    turn = self.uniform(0.0, TAU);
+                }
+                _ => {}
+            }
+            let sink = if kind < 0.2 {
+                0.002 * f64::from(k)
+            } else {
+                0.0
+            };
+            points.push([
+                radius * turn.sin() + aside,
+                radius - radius * turn.cos(),
+                -sink,
+            ]);
+        }
+        let limits = Limits {
+            velocity: [400.0, 400.0, 200.0],
+            acceleration: [2_500.0, 2_500.0, 2_000.0],
+            jerk: [50_000.0, 50_000.0, 40_000.0],
+        };
+        let feed = Feed::Rate(self.log(5.0, 100.0));
+        (
+            Program::polyline(limits, &points, feed),
+            PathControlMode::Blend(tolerance),
+        )
+    }
+
     /// Lines and arcs of any length and turn, all but straight ones and zigzags among them, at up to three feeds.
     pub(crate) fn contour(&mut self) -> Program {
         let decades = self.log(1.0, 30.0).log10();

@@ -11,7 +11,8 @@
 //!
 //! - `arc`: where the radii at start and end differ inside the tolerance the radius goes with the angle, so that both end
 //!   points are met,
-//! - `polynomial`: measured in parts, closer in the middle, where the rate of a sharp corner dips,
+//! - `quintic`: polynomials by their parameter,
+//! - `polynomial`: the same by their length, measured in parts that are closer where the rate dips,
 //! - `spline`: polynomials by their control points, cut into parts that bend little,
 //! - `length`: derivatives by length from those by any parameter, and upper bounds of the first six on a stretch, as
 //!   the [certificate](super::certify) needs them: bounds of Taylor coefficients, of which Cauchy's product bounds those of
@@ -20,6 +21,7 @@
 mod arc;
 mod length;
 mod polynomial;
+mod quintic;
 mod spline;
 
 use thiserror::Error;
@@ -27,8 +29,7 @@ use thiserror::Error;
 pub use arc::{Arc, ArcDefinition, Circle};
 pub use length::{Growth, ORDERS};
 pub use polynomial::Poly;
-
-use polynomial::PARTS;
+pub(in crate::path) use quintic::Quintic;
 
 /// Arc radii at start and end may differ by this much, mm …
 pub const RADIUS_TOLERANCE: f64 = 0.005;
@@ -183,6 +184,7 @@ const LED: f64 = 1e-4;
 
 /// Any of the curves.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(clippy::large_enum_variant)] // it goes through the cycle's rings, whose slots are all of one size
 pub enum Curve<const N: usize> {
     /// A straight line.
     Line(Line<N>),
@@ -238,7 +240,7 @@ impl<const N: usize> Curve<N> {
             Curve::Arc(arc) => (arc.sweep.abs() / turn).ceil(),
             Curve::Poly(poly) => {
                 // Gentle blends need few.
-                let chords = (0..PARTS).map(|k| {
+                let chords = (0..poly.parts).map(|k| {
                     let [a, b] = [k, k + 1].map(|k| poly.tangent(k));
                     (0..N)
                         .map(|i| (b[i] - a[i]) * (b[i] - a[i]))
@@ -278,7 +280,7 @@ impl<const N: usize> Curve<N> {
         match self {
             Curve::Line(line) => line.start,
             Curve::Arc(arc) => arc.start,
-            Curve::Poly(poly) => poly.start,
+            Curve::Poly(poly) => poly.quintic.start,
         }
     }
 
@@ -287,7 +289,7 @@ impl<const N: usize> Curve<N> {
         match self {
             Curve::Line(line) => line.end,
             Curve::Arc(arc) => arc.end,
-            Curve::Poly(poly) => poly.point(1.0),
+            Curve::Poly(poly) => poly.quintic.point(1.0),
         }
     }
 
@@ -311,7 +313,7 @@ impl<const N: usize> Curve<N> {
         match self {
             Curve::Line(line) => line.at(place.0),
             Curve::Arc(arc) => arc.at(place.0),
-            Curve::Poly(poly) => poly.at(place.0),
+            Curve::Poly(poly) => poly.quintic.at(place.0),
         }
     }
 
@@ -331,7 +333,7 @@ impl<const N: usize> Curve<N> {
                 out
             }
             Curve::Arc(arc) => arc.growth(from.0, to.0),
-            Curve::Poly(poly) => poly.growth(from.0, to.0),
+            Curve::Poly(poly) => poly.quintic.growth(from.0, to.0),
         }
     }
 
@@ -385,7 +387,7 @@ impl<const N: usize> Curve<N> {
             }
             Curve::Poly(poly) => {
                 let (from, to) = (poly.parameter(from), poly.parameter(to));
-                Curve::Poly(poly.part(from, to).unwrap_or(poly))
+                Curve::Poly(poly.part(from, to))
             }
         }
     }
@@ -439,11 +441,11 @@ impl<const N: usize> Curve<N> {
             for j in 0..=5 {
                 // C(j, k) / C(5, k)
                 let mut share = 1.0;
-                let mut point = poly.start;
+                let mut point = poly.quintic.start;
                 for k in 1..=j {
                     share *= (j + 1 - k) as f64 / (6 - k) as f64;
                     for i in 0..N {
-                        point[i] += share * poly.terms[k - 1][i];
+                        point[i] += share * poly.quintic.terms[k - 1][i];
                     }
                 }
                 for i in 0..N {
@@ -499,14 +501,17 @@ mod tests {
                 for k in 1..=100 {
                     let s = poly.length() * f64::from(k) / 100.0;
                     let u = poly.parameter(s);
-                    let there = [poly.at(u).q, back.at(back.parameter(poly.length() - s)).q];
+                    let there = [
+                        poly.quintic.at(u).q,
+                        back.quintic.at(back.parameter(poly.length() - s)).q,
+                    ];
                     for (q, back) in there[0].iter().zip(there[1]) {
                         assert!((q - back).abs() <= 1e-12, "{turn}°, {s} mm: {there:?}");
                     }
                     let step = (u - last) / 100.0;
                     for n in 0..100 {
                         let from = last + step * f64::from(n);
-                        length += poly.length_between(from, from + step);
+                        length += poly.quintic.length_between(from, from + step);
                     }
                     last = u;
                     let off = (length - s).abs();

@@ -6,7 +6,7 @@
 //! is a mean everywhere: where all of them go ahead along the chord, so does the curve. A spline that stands still or turns
 //! back somewhere has no such parts there.
 
-use super::{Curve, CurveError, Poly};
+use super::{Curve, CurveError, Poly, Quintic};
 
 /// Part of the fastest difference with which every one goes ahead along the chord.
 const AHEAD: f64 = 0.3;
@@ -47,10 +47,14 @@ fn cut<const N: usize>(
     parts: &mut Vec<Curve<N>>,
 ) -> Result<(), CurveError> {
     if goes_ahead(controls) {
-        let start = std::array::from_fn(|i| origin[i] + controls[0][i]);
-        let poly = Poly::new(start, terms(controls)).ok_or(CurveError::StandsStill)?;
-        parts.push(Curve::Poly(poly));
-        return Ok(());
+        let quintic = Quintic {
+            start: std::array::from_fn(|i| origin[i] + controls[0][i]),
+            terms: terms(controls),
+        };
+        if let Some(poly) = Poly::new(quintic) {
+            parts.push(Curve::Poly(poly));
+            return Ok(());
+        }
     }
     if halvings == 0 {
         return Err(CurveError::StandsStill);

@@ -61,6 +61,7 @@ pub(super) struct Pending<const N: usize> {
 
 /// A piece of the path.
 #[derive(Debug, Clone, PartialEq)]
+#[allow(clippy::large_enum_variant)] // nearly all are curves
 pub(super) enum Laid<const N: usize> {
     /// A curve.
     Curve(LaidCurve<N>),
