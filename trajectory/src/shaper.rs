@@ -28,7 +28,7 @@
 //! What comes out is a mean of what went in lately. So wherever the positions, velocities, accelerations or jerks that
 //! went in have kept limits of single axes, those that come out do: nothing has to be planned anew. A straight line
 //! stays straight. A curve is left: by Taylor's theorem by at most half of the greatest acceleration times the
-//! [variance](Shaper::variance) of the parts, about κv²σ²/2 where the path has the curvature κ.
+//! [variance](Spread::variance) of the parts, about κv²σ²/2 where the path has the curvature κ.
 
 use libm::{cbrt, exp, sqrt};
 use std::f64::consts::{PI, TAU};
@@ -101,6 +101,25 @@ pub struct Shaper {
     impulses: Vec<Impulse>,
 }
 
+/// How far a shaper spreads setpoints in time: what a path has to know of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spread {
+    /// From the first part to the last, s.
+    pub duration: f64,
+    /// How long a motion rests, s, until its setpoints rest there, too, wherever between two of them its rest begins.
+    pub settling: f64,
+    /// Of the parts' delays, s².
+    pub variance: f64,
+}
+
+impl Spread {
+    /// The speed, mm/s, at which a path of that curvature, 1/mm, is left by no more than `off` mm: κv²σ²/2.
+    #[must_use]
+    pub fn speed(&self, curvature: f64, off: f64) -> f64 {
+        sqrt(2.0 * off / (curvature * self.variance))
+    }
+}
+
 impl Shaper {
     /// What leaves commands as they are.
     #[must_use]
@@ -160,30 +179,24 @@ impl Shaper {
         self.impulses.last().map_or(0.0, |last| last.at)
     }
 
-    /// How long a motion rests, s, until its setpoints, which are `period` s apart, rest there too, wherever between
-    /// two of them its rest begins; 0 where they are as they were.
+    /// How far it spreads setpoints that are `period` s apart; `None` where they are as they were.
     #[must_use]
-    pub fn settling(&self, period: f64) -> f64 {
-        let cycles = self.weights(period).last().map_or(0, |last| last.0);
-        if cycles > 0 {
-            (cycles + 1) as f64 * period
-        } else {
-            0.0
-        }
+    pub fn spread(&self, period: f64) -> Option<Spread> {
+        let weights = self.weights(period);
+        let cycles = weights.last().map(|last| last.0).filter(|last| *last > 0)?;
+        let mean: f64 = weights.iter().map(|it| it.1 * it.0 as f64).sum();
+        let away = |it: &(usize, f64)| it.1 * (it.0 as f64 - mean) * (it.0 as f64 - mean);
+        Some(Spread {
+            duration: cycles as f64 * period,
+            settling: (cycles + 1) as f64 * period,
+            variance: weights.iter().map(away).sum::<f64>() * period * period,
+        })
     }
 
     /// By how much a shaped command is later in the mean, s.
     #[must_use]
     pub fn mean(&self) -> f64 {
         self.impulses.iter().map(|it| it.share * it.at).sum()
-    }
-
-    /// The variance of the delays, s².
-    #[must_use]
-    pub fn variance(&self) -> f64 {
-        let mean = self.mean();
-        let of = |it: &Impulse| it.share * (it.at - mean) * (it.at - mean);
-        self.impulses.iter().map(of).sum()
     }
 
     /// What part of a vibration is left at the end of a shaped command, of what an unshaped one leaves at its own.
@@ -266,7 +279,8 @@ mod tests {
             (Kind::Zvd, period * period / 8.0),
         ] {
             let shaper = Shaper::new(kind, &[vibration(8.0, 0.0)]);
-            assert!((shaper.variance() - variance).abs() < 1e-15, "{kind:?}");
+            let spread = shaper.spread(period / 2.0).unwrap();
+            assert!((spread.variance - variance).abs() < 1e-15, "{kind:?}");
         }
     }
 

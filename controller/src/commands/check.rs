@@ -5,7 +5,7 @@ use super::{Exit, report};
 use crate::budget::MachineBudget;
 use crate::control::Layout;
 use crate::machine::Machine;
-use crate::program::{CappedFeeds, CutArcs, Extent, Programs};
+use crate::program::{CappedFeeds, Extent, Programs};
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use syncline_gcode::Tables;
@@ -74,16 +74,12 @@ impl Args {
                     part * 100.0
                 );
             }
-            let CutArcs {
-                arcs,
-                line,
-                off,
-                allowed,
-            } = extent.cut;
-            if arcs > 0 {
+            let CappedFeeds { moves, line, part } = extent.slowed;
+            if moves > 0 {
                 println!(
-                    "shaper: {arcs} arcs are left by more than their mode allows; line {line} by {off:.4} mm of {allowed} mm: \
-                     lower F there, by the square root of that, or allow more by G64 P"
+                    "shaper: {moves} arcs are slowed down, so that they are left by no more than their mode allows; line {line} \
+                     to {:.0} %: by the square root of what G64 P allows",
+                    part * 100.0
                 );
             }
             let (deviation, line) = extent.arc_deviation;

@@ -24,9 +24,7 @@ use syncline_trajectory::path::{
     Command as PathCommand, Curve, Feed, Limits, Move, PathControlMode, PathItem, Planner,
     ReplanRequest,
 };
-
-/// By less a direction, of length 1, does not change in a corner.
-const SMOOTH: f64 = 0.02;
+use syncline_trajectory::shaper::Spread;
 
 /// Marks that can come up again when the path is planned anew: more than the planner keeps.
 const MOST_MARKS: usize = 2 * Planner::<COORDINATES>::KEPT;
@@ -82,10 +80,8 @@ pub struct Feeder {
     spindle: SpinUp,
     threads: Threads,
     user_codes: UserCodes,
-    /// By how much the axes come to rest later than the path, s.
-    settling: f64,
-    /// The direction in which the last move ended, and how it is left; none where the path rests for long.
-    leaves: Option<(Position, PathControlMode)>,
+    /// How far a shaper spreads setpoints.
+    spread: Option<Spread>,
     /// What is switched with the next motion.
     with_motion: Vec<(u32, Switch)>,
     upcoming: Upcoming,
@@ -110,9 +106,13 @@ fn planner(
     limits: Limits<COORDINATES>,
     bounds: [PositionLimits; COORDINATES],
     start: Position,
+    shaped: Option<(Spread, f64)>,
 ) -> Planner<COORDINATES> {
     let mut planner = Planner::new(limits, start);
     planner.keep_within(bounds);
+    if let Some((spread, exact)) = shaped {
+        planner.shape_by(spread, exact);
+    }
     planner
 }
 
@@ -149,7 +149,12 @@ impl Program {
             entered: self.entered.map_or(0, |entered| entered.line().0),
             interpreter,
             source: MoveSource::new(start, self.point_to_point),
-            planner: planner(self.limits, bounds, start),
+            planner: planner(
+                self.limits,
+                bounds,
+                start,
+                self.spread.map(|spread| (spread, tolerances.exact)),
+            ),
             limits: self.limits,
             bounds,
             searches: 0,
@@ -175,8 +180,7 @@ impl Program {
             spindle: self.spindle,
             threads: self.threads,
             user_codes: Arc::clone(&self.user_codes),
-            settling: self.settling,
-            leaves: None,
+            spread: self.spread,
             with_motion: Vec::new(),
             upcoming,
             tag: 0,
@@ -291,7 +295,7 @@ impl Feeder {
                 let turns = spindle.turning != gcode::Turning::Off;
                 self.spins_up |= spindle.surface.is_some() && turns;
             }
-            Action::Dwell { seconds } => self.rest(*seconds + self.settling, command.span)?,
+            Action::Dwell { seconds } => self.rest(*seconds + self.settling(), command.span)?,
             Action::Stop(stop) => self.take_stop(*stop, line),
             Action::AwaitInput(wait) => self.awaited = Some((*wait, line)),
             Action::TakeInput(input) => {
@@ -415,8 +419,6 @@ impl Feeder {
                 }
                 None => Feed::Rapid,
             };
-            self.settle(&curve, command.span)?;
-            self.leaves = Some((curve.at(curve.length()).d1, mode));
             let item = PathItem::Move(Move {
                 curve,
                 feed,
@@ -425,7 +427,10 @@ impl Feeder {
             });
             self.upcoming.tell_modal(self.tag, &self.interpreter);
             self.tag += 1;
-            let tolerance = mode.tolerance().max(ON_THE_PATH);
+            let tolerance = match mode.tolerance() {
+                tolerance if tolerance > 0.0 || self.spread.is_none() => tolerance.max(ON_THE_PATH),
+                _ => self.tolerances.exact,
+            };
             (self.upcoming).tell(Step::Move(ProgramMove::new(
                 command.span.line,
                 self.here,
@@ -456,7 +461,7 @@ impl Feeder {
     fn await_spindle(&mut self, span: gcode::Span) -> Result<(), ProgramError> {
         match self.spindle {
             SpinUp::Unknown => Ok(()),
-            SpinUp::After(ramp) => self.rest(ramp.as_secs_f64().max(self.settling), span),
+            SpinUp::After(ramp) => self.rest(ramp.as_secs_f64().max(self.settling()), span),
             SpinUp::Told { within } => {
                 let wait = InputWait {
                     input: InputMeaning::AtSpeed,
@@ -509,27 +514,18 @@ impl Feeder {
     /// Rests for so many seconds.
     fn rest(&mut self, duration: f64, span: gcode::Span) -> Result<(), ProgramError> {
         let tag = self.tag.saturating_sub(1);
-        self.leaves = None;
         self.push(span, PathItem::Dwell { duration, tag })
     }
 
-    /// Where the path stops, or is exact and has a corner, which the shaper would round off, it rests until the axes
-    /// have come there.
-    fn settle(&mut self, next: &Curve<COORDINATES>, span: gcode::Span) -> Result<(), ProgramError> {
-        let Some((end, mode)) = self.leaves.filter(|_| self.settling > 0.0) else {
-            return Ok(());
-        };
-        let start = next.at(0.0).d1;
-        let mut along = end.iter().zip(&start);
-        let settles = match mode {
-            PathControlMode::Stop => true,
-            PathControlMode::Exact(_) => along.any(|(end, start)| (end - start).abs() > SMOOTH),
-            PathControlMode::Blend(_) | PathControlMode::Merge { .. } => false,
-        };
-        match settles {
-            true => self.rest(self.settling, span),
-            false => Ok(()),
-        }
+    /// How far a shaper spreads setpoints, and by how much it may leave moves that end at rest, mm.
+    fn shaped(&self) -> Option<(Spread, f64)> {
+        let exact = self.tolerances.exact;
+        self.spread.map(|spread| (spread, exact))
+    }
+
+    /// By how much the axes come to rest later than the path, s.
+    fn settling(&self) -> f64 {
+        self.spread.map_or(0.0, |spread| spread.settling)
     }
 
     fn push(&mut self, span: gcode::Span, item: PathItem<COORDINATES>) -> Result<(), ProgramError> {
@@ -559,7 +555,6 @@ impl Feeder {
     /// Comes to rest, then `stop`.
     fn stop_then(&mut self, stop: StopPoint) {
         self.since_stop = 0;
-        self.leaves = None;
         let rests = match stop {
             StopPoint::Pause { line, .. } => Some((line, self.next)),
             _ => stop.works_on().map(|line| (line, self.here)),

@@ -32,7 +32,6 @@ pub use mistakes::{Mistake, Mistakes};
 pub use moves::{ModalState, Moves, ProgramMove, Upcoming};
 pub use reading::Reading;
 pub use setting::Setting;
-pub use shaped::CutArcs;
 pub use threads::NoThread;
 pub use timetable::Timetable;
 
@@ -44,7 +43,7 @@ use crate::machine::{
 use answers::Answers;
 use feed::counted_length;
 use moves::{Mixed, MoveSource, path_control_mode};
-use shaped::off_arc;
+use shaped::slowed;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -55,6 +54,7 @@ use syncline_gcode::{
 };
 use syncline_trajectory::path::{CurveError, Limits, PathError, Retraction};
 use syncline_trajectory::sampled::Sampled;
+use syncline_trajectory::shaper::Spread;
 use threads::Threads;
 
 /// What all programs of a machine have in common: axes, limits, tables, and what the programs before
@@ -71,10 +71,8 @@ pub struct Programs {
     user_codes: UserCodes,
     /// What can be read by name, in the order of the names.
     signals: Arc<[Signal]>,
-    /// By how much the axes come to rest later than the path, s.
-    settling: f64,
-    /// Of the shaper's delays, s².
-    variance: f64,
+    /// How far a shaper spreads setpoints.
+    spread: Option<Spread>,
     /// How the axes go to a path where a straight line might meet what is being machined.
     retraction: Option<Retraction>,
     /// Where what a program changes in the tables is written at its end.
@@ -162,10 +160,8 @@ pub struct Program {
     user_codes: UserCodes,
     /// What can be read by name, in the order of the names.
     signals: Arc<[Signal]>,
-    /// By how much the axes come to rest later than the path, s.
-    settling: f64,
-    /// Of the shaper's delays, s².
-    variance: f64,
+    /// How far a shaper spreads setpoints.
+    spread: Option<Spread>,
     retraction: Option<Retraction>,
     scale: Scale,
     /// Begin there instead of at the beginning.
@@ -217,11 +213,11 @@ pub struct Extent {
     pub arc_deviation: (f64, u32),
     /// Feeds above what the axes can.
     pub capped: CappedFeeds,
-    /// What the shaper takes off arcs.
-    pub cut: CutArcs,
+    /// Feeds of arcs at which a shaper would leave them by more than their mode allows.
+    pub slowed: CappedFeeds,
 }
 
-/// Feeds that a program asks for and the axes cannot: moves with them are as fast as the axes can.
+/// Feeds that a program asks for and that are not reached: moves with them are as fast as may be.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CappedFeeds {
     /// How many moves.
@@ -381,8 +377,7 @@ impl Programs {
             threads: Threads::of(machine, limits),
             user_codes: user_codes(machine),
             signals: signals(machine).map(|(_, signal)| signal).collect(),
-            settling: machine.shaper.settling(machine.cycle.as_secs_f64()),
-            variance: machine.shaper.variance(),
+            spread: machine.shaper.spread(machine.cycle.as_secs_f64()),
             retraction: machine.retraction,
             keeps: None,
             no_tables: None,
@@ -442,8 +437,7 @@ impl Programs {
             threads: self.threads,
             user_codes: Arc::clone(&self.user_codes),
             signals: Arc::clone(&self.signals),
-            settling: self.settling,
-            variance: self.variance,
+            spread: self.spread,
             retraction: self.retraction,
             scale: Scale::default(),
             entered: None,
@@ -644,11 +638,14 @@ impl Program {
                     source.go_on_from(line.end());
                 }
             }
-            if let Action::Arc { arc, .. } = &command.action {
-                let off = off_arc((arc, &command.action), &curves, &self.limits, self.variance);
+            if let (Action::Arc { arc, .. }, Some(spread)) = (&command.action, &self.spread) {
                 let mode = interpreter.modes().path_mode;
                 let mode = path_control_mode(mode, self.tolerances, 1.0);
-                extent.cut.add(command.span.line, off, mode.tolerance());
+                let (_, spare) = mode.shared(self.tolerances.exact);
+                let arc = (arc, &command.action);
+                if let Some(part) = slowed(arc, &curves, &self.limits, spread, spare) {
+                    extent.slowed.add(command.span.line, part);
+                }
             }
             if let Some(part) = feed::reached(&curves, &command.action, &self.limits) {
                 extent.capped.add(command.span.line, part);

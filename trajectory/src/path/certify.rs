@@ -270,6 +270,8 @@ mod tests {
             curve: Curve::line([0.0; 2], [10.0, 0.0]).unwrap(),
             feed: 50.0,
             turns: None,
+            most: f64::INFINITY,
+            asked: 50.0,
             speed: 50.0,
             tag: 0,
             waypoints: 0,

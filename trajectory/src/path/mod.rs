@@ -161,6 +161,22 @@ impl PathControlMode {
         }
     }
 
+    /// What is left of it to the planner where a [shaper](Planner::shape_by) has its half of the tolerance, and that, mm;
+    /// where there is none, as at moves that end at rest, that is `exact`.
+    pub fn shared(self, exact: f64) -> (Self, f64) {
+        let mode = match self {
+            PathControlMode::Stop => self,
+            PathControlMode::Exact(tolerance) => PathControlMode::Exact(0.5 * tolerance),
+            PathControlMode::Blend(tolerance) => PathControlMode::Blend(0.5 * tolerance),
+            PathControlMode::Merge { tolerance, within } => PathControlMode::Merge {
+                tolerance: 0.5 * tolerance,
+                within: 0.5 * within,
+            },
+        };
+        let spare = Some(mode.tolerance()).filter(|spare| *spare > 0.0);
+        (mode, spare.unwrap_or(exact))
+    }
+
     /// How far the path may leave what is programmed, mm.
     pub fn tolerance(self) -> f64 {
         match self {
@@ -379,7 +395,11 @@ pub struct PathSegment<const N: usize> {
     pub feed: f64,
     /// Where it is by the turns of a spindle: how many a second make that speed.
     pub turns: Option<f64>,
-    /// The path speed that is asked for after overrides, mm/s.
+    /// The path speed that a [shaper](Planner::shape_by) allows, mm/s; infinite without.
+    pub most: f64,
+    /// The path speed that is asked for after overrides, mm/s; infinite for rapid.
+    pub asked: f64,
+    /// As much of that as is allowed, mm/s.
     pub speed: f64,
     /// As [`Move::tag`].
     pub tag: u32,

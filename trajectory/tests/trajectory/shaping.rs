@@ -169,6 +169,18 @@ fn mode() -> impl Strategy<Value = PathControlMode> {
     ]
 }
 
+/// By how much a shaper may leave what ends at rest, mm.
+const EXACT: f64 = 0.005;
+
+fn tolerated() -> impl Strategy<Value = PathControlMode> {
+    prop_oneof![
+        Just(PathControlMode::Stop),
+        Just(PathControlMode::Exact(0.01)),
+        Just(PathControlMode::Blend(0.0)),
+        (0.01..1.0_f64).prop_map(PathControlMode::Blend),
+    ]
+}
+
 /// Every setpoint, and the differences of the positions, inside the limits.
 fn check(setpoints: &[Setpoint<3>]) -> Result<(), TestCaseError> {
     for axis in 0..3 {
@@ -326,6 +338,161 @@ fn a_stop_that_cannot_last_as_long_as_the_leads_is_the_fastest() {
         Some(151),
     )
     .unwrap();
+}
+
+/// How far a point is from the nearest of these curves, mm.
+fn off(curves: &[Curve<3>], point: &[f64; 3]) -> f64 {
+    let starts = |curve: &Curve<3>| {
+        let part = match curve.direction() {
+            Some(_) => 1,
+            None => 16,
+        };
+        let length = curve.length();
+        (0..=part).map(move |n| length * f64::from(n) / f64::from(part))
+    };
+    let each = curves
+        .iter()
+        .flat_map(|curve| starts(curve).map(|near| curve.distance_near(point, near)));
+    each.fold(f64::INFINITY, f64::min)
+}
+
+/// How far apart two places are, mm.
+fn apart(one: &[f64; 3], other: &[f64; 3]) -> f64 {
+    let squares = one.iter().zip(other).map(|(a, b)| (a - b) * (a - b));
+    squares.sum::<f64>().sqrt()
+}
+
+/// Goes along a path that is planned for a shaper behind it, whatever an operator does: the greatest distance of a shaped
+/// setpoint from the curves about it, of a joint from the shaped path, and how long it takes, s.
+fn strays(
+    curves: &[Curve<3>],
+    (mode, exact): (PathControlMode, f64),
+    feed: f64,
+    shaper: &Shaper,
+    acts: &[(u32, Act)],
+) -> (f64, f64, f64) {
+    let item = |(tag, &curve): (usize, &Curve<3>)| {
+        PathItem::Move(Move {
+            curve,
+            feed: Feed::Rate(feed),
+            mode,
+            tag: tag as u32,
+        })
+    };
+    let items: Vec<_> = curves.iter().enumerate().map(item).collect();
+    let mut machine = Machine::new(LIMITS, &items, curves[0].start(), PERIOD);
+    machine.shape_by(shaper.spread(PERIOD).unwrap(), exact);
+    let mut shaping = Shaping::new(shaper, PERIOD, machine.executor.setpoint());
+    let mut acts = acts.iter();
+    let mut next = acts.next();
+    let (mut waited, mut cycles) = (0, 0);
+    let mut most = 0.0_f64;
+    let mut nearest = vec![f64::INFINITY; curves.len() - 1];
+    let mut tags = std::collections::VecDeque::new();
+    let length = (shaper.duration() / PERIOD) as usize + 2;
+    loop {
+        let planned = match machine.advance() {
+            Some(planned) => planned,
+            None if shaping.is_settled() => break,
+            None => machine.executor.advance(),
+        };
+        let shaped = shaping.shape(planned, 0).position;
+        tags.push_back(planned.tag as usize);
+        if tags.len() > length {
+            tags.pop_front();
+        }
+        let (first, last) = (tags.iter().min().unwrap(), tags.iter().max().unwrap());
+        let about = first.saturating_sub(1)..(last + 2).min(curves.len());
+        most = most.max(off(&curves[about], &shaped));
+        for (nearest, curve) in nearest.iter_mut().zip(curves) {
+            *nearest = nearest.min(apart(&curve.end(), &shaped) - planned.speed * PERIOD);
+        }
+        (waited, cycles) = (waited + 1, cycles + 1);
+        match next {
+            Some(&(wait, act)) if waited > wait => {
+                match act {
+                    Act::Hold => machine.executor.feed_hold(),
+                    Act::Resume => machine.executor.resume(),
+                    Act::Override(feed) => {
+                        machine
+                            .executor
+                            .set_overrides(Overrides { feed, rapid: 1.0 });
+                    }
+                    Act::Retrace => machine.executor.retrace(),
+                }
+                next = acts.next();
+                waited = 0;
+            }
+            None if machine.executor.is_held() && waited > 200 => {
+                machine.executor.resume();
+                waited = 0;
+            }
+            _ => {}
+        }
+    }
+    let missed = nearest.into_iter().fold(0.0, f64::max);
+    (most, missed, f64::from(cycles) * PERIOD)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(24) })]
+
+    /// Any path that is planned for a shaper stays within its tolerance, with what is rounded off, whatever an operator does.
+    #[test]
+    fn a_shaped_path_keeps_within_its_tolerance(
+        curves in contour(0.5..30.0),
+        mode in tolerated(),
+        feed in 10.0..400.0_f64,
+        shaper in shaper(),
+        acts in prop::collection::vec(act(), 0..5),
+    ) {
+        let tolerance = mode.rounding().filter(|it| *it > 0.0).unwrap_or(EXACT);
+        let (off, missed, _) = strays(&curves, (mode, EXACT), feed, &shaper, &acts);
+        prop_assert!(off <= tolerance * (1.0 + 1e-6) + 1e-9, "{off} of {tolerance} mm");
+        prop_assert!(missed <= tolerance * (1.0 + 1e-6) + 1e-9, "{missed} of {tolerance} mm");
+    }
+}
+
+/// A fast line into arcs and out of them, and corners: as far off as the tolerance at most, and not much less where that is what
+/// bounds the speed.
+#[test]
+fn a_fast_line_into_a_tight_arc_is_slowed_before_it() {
+    let shaper = Shaper::new(
+        Kind::Zvd,
+        &[Vibration {
+            frequency: 8.0,
+            damping: 0.02,
+        }],
+    );
+    for radius in [2.0, 20.0] {
+        let arc = |start: [f64; 3], end: [f64; 3], centre| {
+            let plane = Plane::Xy;
+            Curve::arc(ArcDefinition {
+                start,
+                end,
+                plane,
+                centre,
+                clockwise: false,
+                turns: 0,
+            })
+            .unwrap()
+        };
+        let turned = [60.0 + radius, radius, 0.0];
+        let curves = [
+            Curve::line([0.0; 3], [60.0, 0.0, 0.0]).unwrap(),
+            arc([60.0, 0.0, 0.0], turned, (60.0, radius)),
+            Curve::line(turned, [60.0 + radius, radius + 60.0, 0.0]).unwrap(),
+        ];
+        for tolerance in [0.01, 0.1] {
+            let mode = PathControlMode::Blend(tolerance);
+            let (off, _, seconds) = strays(&curves, (mode, EXACT), 200.0, &shaper, &[]);
+            println!("| {radius} | {tolerance} | {off:.5} | {seconds:.2} |");
+            assert!(
+                off <= tolerance && off >= 0.3 * tolerance,
+                "{radius} {tolerance}: {off}"
+            );
+        }
+    }
 }
 
 proptest! {

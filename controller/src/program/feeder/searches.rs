@@ -103,12 +103,11 @@ impl Feeder {
             self.answers.push(gcode::Answer::Probed(probed));
             self.interpreter.probed(probed);
         }
-        self.planner = planner(self.limits, self.bounds, found.at);
+        self.planner = planner(self.limits, self.bounds, found.at, self.shaped());
         self.first_mark += self.marks.len() as u32;
         self.marks.clear();
         self.committed.clear();
         self.since_stop = 0;
-        self.leaves = None;
         self.search = Some(Instruction::Found(found.number));
     }
 }

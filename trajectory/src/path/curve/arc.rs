@@ -230,6 +230,14 @@ impl<const N: usize> Arc<N> {
 }
 
 impl<const N: usize> Arc<N> {
+    /// See [`Curve::most_curvature`].
+    pub(super) fn most_curvature(&self) -> f64 {
+        // What bounds either axis of the plane bounds both together: a point of it is a complex number.
+        let [_, mut bounds, ..] = self.growth(0.0, self.length);
+        bounds[self.plane.1] = 0.0;
+        super::norm(&bounds)
+    }
+
     /// See [`Curve::growth`]; the parameter is the angle.
     pub(super) fn growth(&self, from: f64, to: f64) -> Growth<N> {
         let radius = |s: f64| self.radius + self.spiral * self.sweep.abs() * (s / self.length);

@@ -45,6 +45,10 @@ const CLOSE: f64 = 1e-5;
 /// A place that is by so much of a part, or less, before its end counts as at the end, so that rounding of lengths and parameters
 /// makes no part that has nothing left.
 const AT_ITS_END: f64 = 1e-6;
+/// What bounds a curve's derivatives is taken from parts, each of them a half of one so often at most, …
+const MOST_HALVINGS: usize = 8;
+/// … and of a polynomial so that no more halvings are left.
+const FINE_ENOUGH: usize = 3;
 
 /// Position and its derivatives by path length.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -198,6 +202,11 @@ pub enum Curve<const N: usize> {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Place(f64);
 
+/// The length of a vector.
+fn norm<const N: usize>(of: &[f64; N]) -> f64 {
+    of.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
 impl<const N: usize> Curve<N> {
     /// A straight line; see [`Line::new`].
     ///
@@ -341,7 +350,7 @@ impl<const N: usize> Curve<N> {
     /// curve.
     pub fn derivative_bounds(&self) -> [[f64; N]; 3] {
         let mut most = [[0.0_f64; N]; 3];
-        self.raise(0.0, self.length(), 8, &mut most);
+        self.raise(0.0, self.length(), MOST_HALVINGS, &mut most);
         most
     }
 
@@ -349,7 +358,7 @@ impl<const N: usize> Curve<N> {
     /// a bound takes.
     fn raise(&self, from: f64, to: f64, halvings: usize, most: &mut [[f64; N]; 3]) {
         let bounds = self.growth(from, to);
-        let coarse = matches!(self, Curve::Poly(_)) && halvings > 3;
+        let coarse = matches!(self, Curve::Poly(_)) && halvings > FINE_ENOUGH;
         if halvings > 0 && (coarse || !bounds[2].iter().all(|b| b.is_finite())) {
             let middle = 0.5 * (from + to);
             self.raise(from, middle, halvings - 1, most);
@@ -361,6 +370,28 @@ impl<const N: usize> Curve<N> {
                 most[i] = most[i].max(bounds[i]);
             }
         }
+    }
+
+    /// No less than the curvature anywhere on it, 1/mm, of all axes together.
+    pub fn most_curvature(&self) -> f64 {
+        match self {
+            Curve::Line(_) => 0.0,
+            Curve::Arc(arc) => arc.most_curvature(),
+            Curve::Poly(_) => self.curvature_between(0.0, self.length(), MOST_HALVINGS),
+        }
+    }
+
+    /// As [`most_curvature`](Self::most_curvature), from parts as short as a bound takes.
+    fn curvature_between(&self, from: f64, to: f64, halvings: usize) -> f64 {
+        let [_, bounds, ..] = self.growth(from, to);
+        let most = norm(&bounds);
+        if halvings == 0 || most.is_finite() && halvings <= FINE_ENOUGH {
+            return most;
+        }
+        let middle = 0.5 * (from + to);
+        let halves = [(from, middle), (middle, to)];
+        let halves = halves.map(|(from, to)| self.curvature_between(from, to, halvings - 1));
+        halves[0].max(halves[1])
     }
 
     /// The stretch of the curve from `from` to `to`, distances from its start.

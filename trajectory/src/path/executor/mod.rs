@@ -261,6 +261,8 @@ fn any_path_segment<const N: usize>() -> Option<PathSegment<N>> {
         curve: Curve::line([0.0; N], [1.0; N]).ok()?,
         feed: 0.0,
         turns: None,
+        most: 0.0,
+        asked: 0.0,
         speed: 0.0,
         tag: 0,
         waypoints: 0,
@@ -528,7 +530,7 @@ impl<const N: usize> Executor<N> {
             tag: path_segment.tag,
             distance: self.path_distance(segment.distance + ds),
             speed: v,
-            feed: path_segment.speed,
+            feed: path_segment.asked,
             busy: true,
             off_path: false,
         }

@@ -40,6 +40,7 @@
 //! that of the path, and took up to 32 % longer than without.
 
 use super::joining::{Joiner, Laid, LaidCurve};
+use super::shaped::Shaped;
 use super::{Effort, Planner};
 use crate::path::segment_fitting::{ShortSegments, grades};
 use crate::path::{Command, Move, PathControlMode};
@@ -139,12 +140,13 @@ impl<const N: usize> Planner<N> {
                 self.try_lesser_tolerances(&motion);
             }
         }
-        self.joiner.push(motion);
+        let (motion, spare) = self.share(motion);
+        self.joiner.push(motion, spare);
         let alternatives = &mut self.alternatives;
         alternatives.moves += 1;
         for Trial { most, joiner } in &mut alternatives.trials {
             let mode = motion.mode.within(*most);
-            joiner.push(Move { mode, ..motion });
+            joiner.push(Move { mode, ..motion }, spare);
         }
         self.take_laid();
     }
@@ -294,6 +296,7 @@ fn stretch_time<const N: usize>(
 ) -> StretchTime {
     let mut planner = Planner::new(joiner.limits, [0.0; N]);
     planner.horizon *= LONGER;
+    planner.shaped = joiner.spread.map(Shaped::new);
     let last = joiner.pending.as_ref().map(|pending| {
         let Move {
             curve, feed, tag, ..
@@ -307,6 +310,8 @@ fn stretch_time<const N: usize>(
             tag,
             waypoints: 0,
             ends: Vec::new(),
+            spare: pending.spare,
+            most: f64::INFINITY,
         })
     });
     for laid in joiner.laid.iter().chain(&last).chain([&Laid::Rest]) {
@@ -341,6 +346,10 @@ impl<const N: usize> Planner<N> {
                     Command::JerkSegment(segment) => {
                         let (way, ..) = segment.at(segment.duration);
                         steps.push((segment.duration, section + segment.distance + way));
+                    }
+                    Command::Dwell { duration, .. } => {
+                        let at = steps.last().map_or(section, |(_, end)| *end);
+                        steps.push((duration, at));
                     }
                     _ => {}
                 }

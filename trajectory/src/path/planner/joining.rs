@@ -8,6 +8,7 @@ use crate::path::blend::{Blend, blend, needed_part, passing_time};
 use crate::path::bounds::crawling_time;
 use crate::path::segment_fitting::{MoveEnd, Part, ShortSegments};
 use crate::path::{Curve, Feed, Limits, Move, PathSegment};
+use crate::shaper::Spread;
 
 /// Tangents, and curvatures by the mm or as parts of the greater, that differ by no more are equal.
 const SMOOTH: f64 = 1e-10;
@@ -18,7 +19,7 @@ const LESSER: [f64; 4] = [1.0, 0.25, 0.0625, 0.015625];
 /// Part of the time of a blend in which a gentle one has to be passed to be taken: it is entered at less speed.
 const SOONER: f64 = 0.8;
 /// Roundings are sized for programmed feeds that are overridden to so many times as much.
-const FASTEST: f64 = 2.0;
+pub(super) const FASTEST: f64 = 2.0;
 /// How often a rounding that is larger than needed is made smaller, at most, …
 const SMALLER: usize = 4;
 /// … to how many times what is needed.
@@ -38,6 +39,9 @@ pub(super) struct Joiner<const N: usize> {
     pub(super) fits_within: f64,
     /// Short segments that may go on.
     pub(super) short_segments: Option<ShortSegments<N>>,
+    /// How far a shaper spreads the setpoints, and by how much it may leave what is joined, mm.
+    pub(super) spread: Option<Spread>,
+    pub(super) spare: f64,
     pub(super) pending: Option<Pending<N>>,
     /// How far that strays from what was programmed, mm.
     deviation: f64,
@@ -57,6 +61,8 @@ pub(super) struct Pending<const N: usize> {
     pub(super) taken: f64,
     /// Waypoints before it.
     waypoints: u32,
+    /// By how much a shaper may leave it, mm.
+    pub(super) spare: f64,
 }
 
 /// A piece of the path.
@@ -69,6 +75,8 @@ pub(super) enum Laid<const N: usize> {
     Ends(f64, Vec<MoveEnd>),
     /// The path stops.
     Rest,
+    /// It rests until shaped setpoints do, under the tag of the last move.
+    Settle(u32),
 }
 
 /// A curve of the path.
@@ -82,6 +90,10 @@ pub(super) struct LaidCurve<const N: usize> {
     pub(super) waypoints: u32,
     /// Other moves that end on it before the one with the tag.
     pub(super) ends: Vec<MoveEnd>,
+    /// By how much a shaper may leave it, mm.
+    pub(super) spare: f64,
+    /// The path speed that it allows, mm/s.
+    pub(super) most: f64,
 }
 
 impl<const N: usize> From<&LaidCurve<N>> for PathSegment<N> {
@@ -92,7 +104,9 @@ impl<const N: usize> From<&LaidCurve<N>> for PathSegment<N> {
             curve: laid.curve,
             feed: laid.feed.speed(),
             turns: laid.feed.turns(),
-            speed: laid.feed.speed(),
+            most: laid.most,
+            asked: laid.feed.speed(),
+            speed: laid.feed.speed().min(laid.most),
             tag: laid.tag,
             waypoints: laid.waypoints,
         }
@@ -109,6 +123,8 @@ impl<const N: usize> Joiner<N> {
             }; N],
             fits_within: f64::INFINITY,
             short_segments: None,
+            spread: None,
+            spare: 0.0,
             pending: None,
             deviation: 0.0,
             waypoints: 0,
@@ -122,8 +138,8 @@ impl<const N: usize> Joiner<N> {
         self.laid.push(Laid::Rest);
     }
 
-    /// Goes on with a move that begins where the last one ended.
-    pub(super) fn push(&mut self, motion: Move<N>) {
+    /// Goes on with a move that begins where the last one ended, and that a shaper may leave by `spare` mm.
+    pub(super) fn push(&mut self, motion: Move<N>, spare: f64) {
         if let Some(segments) = &mut self.short_segments
             && segments.extend(&motion)
         {
@@ -131,6 +147,7 @@ impl<const N: usize> Joiner<N> {
             return;
         }
         self.join_short_segments();
+        self.spare = spare;
         self.short_segments = ShortSegments::begin(&motion, self.fits_within);
         if self.short_segments.is_none() {
             self.join(Part {
@@ -174,10 +191,12 @@ impl<const N: usize> Joiner<N> {
         if let Some(Pending {
             motion: before,
             waypoints,
+            spare,
             ..
         }) = &self.pending
         {
             let (before, waypoints) = (*before, *waypoints);
+            let spare = spare.min(self.spare);
             match before.mode.rounding() {
                 Some(_) if goes_on || smooth(&before.curve, &motion.curve) => {
                     self.lay_pending(0.0);
@@ -186,20 +205,23 @@ impl<const N: usize> Joiner<N> {
                     let deviation = deviation.max(self.deviation);
                     let left = rounding.min(before.mode.tolerance() - deviation);
                     let there = before.curve.length() - self.taken();
-                    if let Some((curve, cut)) = self.round(&before, &motion, there, left) {
+                    let rounding = self.round(&before, &motion, there, left);
+                    if let Some((curve, cut)) =
+                        rounding.filter(|(curve, _)| self.pays(&before, &motion, curve))
+                    {
                         // The rounding takes as much of either side.
                         let scale = curve.length() / (2.0 * cut);
                         let mut ends = self.lay_pending(cut);
                         ends.iter_mut().for_each(|end| end.at *= scale);
                         let joint = (waypoints, self.waypoints);
-                        self.lay_rounding(&before, feed, curve, joint, &ends);
+                        self.lay_rounding(&before, feed, spare, curve, joint, &ends);
                         self.tell_ends_in_rounding(before.tag, curve.length(), cut, &part_ends);
                         taken = cut;
                     } else {
-                        self.rest_here();
+                        self.rest_between(before.tag);
                     }
                 }
-                None => self.rest_here(),
+                None => self.rest_between(before.tag),
             }
         }
         self.pending = Some(Pending {
@@ -207,8 +229,37 @@ impl<const N: usize> Joiner<N> {
             ends: part_ends,
             taken,
             waypoints: self.waypoints,
+            spare: self.spare,
         });
         self.deviation = deviation;
+    }
+
+    /// The path rests between two moves, of which the first has this tag; behind a shaper until the axes have come there.
+    fn rest_between(&mut self, tag: u32) {
+        self.rest_here();
+        if self.spread.is_some() {
+            self.laid.push(Laid::Settle(tag));
+        }
+    }
+
+    /// Whether a rounding takes no longer than a stop. Behind a shaper it is passed, and about it the path followed for the
+    /// shaper's length on either side, no faster than its curvature allows; at the stop the path rests for that long.
+    fn pays(&self, before: &Move<N>, after: &Move<N>, curve: &Curve<N>) -> bool {
+        let Some(spread) = self.spread else {
+            return true;
+        };
+        let spare = self.pending.as_ref().map_or(0.0, |it| it.spare);
+        let slow = spread.speed(curve.most_curvature(), spare.min(self.spare));
+        let fast = joint_speed(before, after, 1.0, &self.limits);
+        if slow >= fast {
+            return true;
+        }
+        let moves = [before, after];
+        let half: f64 = moves.map(|it| 0.5 * it.curve.length()).iter().sum();
+        let slowly = half.min(curve.length() + 2.0 * spread.duration * slow);
+        let crawling = moves.map(|it| crawling_time(&it.curve, it.feed.speed(), &self.limits));
+        let stopping = spread.settling + 0.5 * crawling.iter().sum::<f64>();
+        slowly / slow + (half - slowly) / fast <= stopping
     }
 
     /// What the last rounding took of the pending move, mm.
@@ -227,7 +278,7 @@ impl<const N: usize> Joiner<N> {
         tolerance: f64,
     ) -> Option<(Curve<N>, f64)> {
         let limits = &self.limits;
-        let speed = joint_speed(before, after, limits);
+        let speed = joint_speed(before, after, FASTEST, limits);
         let length = before.curve.length();
         let is_sliver = |cut: f64| {
             let left = there - cut;
@@ -293,6 +344,7 @@ impl<const N: usize> Joiner<N> {
             ends,
             taken,
             waypoints,
+            spare,
         }) = self.pending.take()
         else {
             return Vec::new();
@@ -317,7 +369,7 @@ impl<const N: usize> Joiner<N> {
             } else {
                 motion.curve.part(taken, length - cut)
             };
-            self.lay(curve, motion.feed, motion.tag, waypoints, &laid);
+            self.lay(curve, motion.feed, spare, motion.tag, waypoints, &laid);
         }
         in_cut
     }
@@ -346,41 +398,58 @@ impl<const N: usize> Joiner<N> {
         &mut self,
         before: &Move<N>,
         feed: Feed,
+        spare: f64,
         curve: Curve<N>,
         (waypoints, behind): (u32, u32),
         ends: &[MoveEnd],
     ) {
         let tag = before.tag;
         if before.feed == feed && waypoints == behind {
-            self.lay(curve, feed, tag, waypoints, ends);
+            self.lay(curve, feed, spare, tag, waypoints, ends);
             return;
         }
         let length = curve.length();
         let middle = 0.5 * length;
         let halves = [(0.0, middle), (middle, length)].map(|(from, to)| curve.part(from, to));
-        self.lay(halves[0], before.feed, tag, waypoints, ends);
-        self.lay(halves[1], feed, tag, behind, &[]);
+        self.lay(halves[0], before.feed, spare, tag, waypoints, ends);
+        self.lay(halves[1], feed, spare, tag, behind, &[]);
     }
 
-    fn lay(&mut self, curve: Curve<N>, feed: Feed, tag: u32, waypoints: u32, ends: &[MoveEnd]) {
+    fn lay(
+        &mut self,
+        curve: Curve<N>,
+        feed: Feed,
+        spare: f64,
+        tag: u32,
+        waypoints: u32,
+        ends: &[MoveEnd],
+    ) {
         self.laid.push(Laid::Curve(LaidCurve {
             curve,
             feed,
             tag,
             waypoints,
             ends: ends.to_vec(),
+            spare,
+            most: f64::INFINITY,
         }));
     }
 }
 
-/// The most that the path's speed may be where two moves meet, but for what their joint asks of it.
-fn joint_speed<const N: usize>(before: &Move<N>, after: &Move<N>, limits: &Limits<N>) -> f64 {
+/// The most that the path's speed may be where two moves meet, with their feeds overridden to `part`, but for what their
+/// joint asks of it.
+fn joint_speed<const N: usize>(
+    before: &Move<N>,
+    after: &Move<N>,
+    part: f64,
+    limits: &Limits<N>,
+) -> f64 {
     let ends = [(before, before.curve.length()), (after, 0.0)];
     let speeds = ends.map(|(motion, at)| {
         let tangent = motion.curve.at(at).d1;
         (0..N)
             .map(|i| limits.velocity[i] / tangent[i].abs())
-            .fold(FASTEST * motion.feed.speed(), f64::min)
+            .fold(part * motion.feed.speed(), f64::min)
     });
     speeds[0].min(speeds[1])
 }

@@ -21,6 +21,7 @@
 //!
 //! - `joining`: moves become sections: short segments are [fitted](super::segment_fitting), corners
 //!   [blended](super::blend),
+//! - `shaped`: no faster than a shaper behind the executor lets a curve be followed within its tolerance,
 //! - `alternatives`: what they become within lesser tolerances, too, and which of it is passed the soonest,
 //! - `section`: path without a stop, and how far a window on it may go,
 //! - `windows`: one window: how it is solved, what of it is final, and what bounds the work,
@@ -31,6 +32,7 @@ mod alternatives;
 mod answer;
 mod joining;
 mod section;
+mod shaped;
 #[cfg(test)]
 mod tests;
 mod windows;
@@ -45,9 +47,11 @@ use super::segment_fitting::MoveEnd;
 use super::window::{Effort, MOST_CELLS, MOST_WORK, TOO_MANY_CELLS, Window};
 use super::{Command, JerkSegment, Limits, Overrides, PathItem, PathSegment, PathState};
 use crate::limits::PositionLimits;
+use crate::shaper::Spread;
 use alternatives::Alternatives;
 use joining::{Joiner, Laid, LaidCurve};
 use section::Section;
+use shaped::Shaped;
 
 /// Why an item cannot be planned.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
@@ -86,6 +90,10 @@ pub struct Planner<const N: usize> {
     joiner: Joiner<N>,
     /// What they become within lesser ones, from where that is not the same.
     alternatives: Alternatives<N>,
+    /// What a shaper asks of what is laid, where there is one.
+    shaped: Option<Shaped<N>>,
+    /// By how much that may leave moves without a tolerance, mm.
+    exact: f64,
     /// What was planned lately, is under way, and is to be planned.
     items: VecDeque<PlanItem<N>>,
     /// Number of the first of them.
@@ -220,6 +228,8 @@ impl<const N: usize> Planner<N> {
             horizon: lookahead + lookahead.max(LEAST_TRAVEL),
             position,
             joiner: Joiner::new(limits),
+            shaped: None,
+            exact: 0.0,
             alternatives: Alternatives::default(),
             items: VecDeque::new(),
             first: 0,
@@ -246,6 +256,15 @@ impl<const N: usize> Planner<N> {
     /// caller's to check.
     pub fn keep_within(&mut self, bounds: [PositionLimits; N]) {
         self.joiner.bounds = bounds;
+    }
+
+    /// From now on the setpoints are shaped: they leave the path, and that, together with what the planner rounds off,
+    /// stays within each move's tolerance; moves without one, as those that end at rest, may be left by `exact` mm. Curves are followed no faster than that takes, and where the path stops between two moves it
+    /// rests until the axes do. Before the first item.
+    pub fn shape_by(&mut self, spread: Spread, exact: f64) {
+        self.joiner.spread = Some(spread);
+        self.shaped = Some(Shaped::new(spread));
+        self.exact = exact;
     }
 
     /// Takes the next item.
@@ -347,8 +366,19 @@ impl<const N: usize> Planner<N> {
         self.place_waypoints();
     }
 
-    /// The section goes on with what the moves became; if there is none, one begins.
+    /// What the moves became, as fast as a shaper allows.
     fn lay(&mut self, laid: Laid<N>) {
+        let Some(shaped) = &mut self.shaped else {
+            return self.extend(laid);
+        };
+        shaped.take(laid, &self.limits);
+        while let Some(laid) = self.shaped.as_mut().and_then(Shaped::next) {
+            self.extend(laid);
+        }
+    }
+
+    /// The section goes on; if there is none, one begins.
+    fn extend(&mut self, laid: Laid<N>) {
         match laid {
             Laid::Curve(curve) => self.lay_curve(curve),
             Laid::Ends(length, ends) => {
@@ -362,6 +392,10 @@ impl<const N: usize> Planner<N> {
                 if let Some(PlanItem::Section(section)) = self.items.back_mut() {
                     section.close();
                 }
+            }
+            Laid::Settle(tag) => {
+                let duration = self.shaped.as_ref().map_or(0.0, Shaped::settling);
+                self.items.push_back(PlanItem::Dwell { duration, tag });
             }
         }
     }
@@ -380,8 +414,7 @@ impl<const N: usize> Planner<N> {
         self.placed = laid.waypoints;
         let mut path_segment = PathSegment::from(&laid);
         if self.overrides != Overrides::default() || self.turns.is_some() {
-            path_segment.speed =
-                asked_speed(&path_segment, self.overrides, self.turns, &self.limits);
+            ask(&mut path_segment, self.overrides, self.turns, &self.limits);
         }
         if let Some(PlanItem::Section(section)) = self.items.back_mut() {
             section.push(path_segment, &laid.ends);
@@ -440,7 +473,7 @@ impl<const N: usize> Planner<N> {
         let back = self.retraces.iter_mut().map(|retrace| &mut retrace.section);
         for section in sections.chain(back) {
             for path_segment in &mut section.path_segments {
-                path_segment.speed = asked_speed(path_segment, overrides, turns, &self.limits);
+                ask(path_segment, overrides, turns, &self.limits);
             }
         }
     }
@@ -512,14 +545,14 @@ impl<const N: usize> Planner<N> {
     }
 }
 
-/// The path speed that is asked for on a path segment after overrides, at so many turns a second of the spindle.
-fn asked_speed<const N: usize>(
-    path_segment: &PathSegment<N>,
+/// Asks for a path speed on a path segment after overrides, at so many turns a second of the spindle.
+fn ask<const N: usize>(
+    path_segment: &mut PathSegment<N>,
     overrides: Overrides,
     turns: Option<f64>,
     limits: &Limits<N>,
-) -> f64 {
-    if path_segment.feed.is_finite() {
+) {
+    path_segment.asked = if path_segment.feed.is_finite() {
         let part = turns.zip(path_segment.turns);
         path_segment.feed * overrides.feed * part.map_or(1.0, |(is, told)| is / told)
     } else if overrides.rapid < 1.0 {
@@ -530,7 +563,8 @@ fn asked_speed<const N: usize>(
         axes * overrides.rapid
     } else {
         f64::INFINITY
-    }
+    };
+    path_segment.speed = path_segment.asked.min(path_segment.most);
 }
 
 /// Travel that a window plans beyond its lookahead, s, at least: time to plan the next one meanwhile.

@@ -1,6 +1,7 @@
 //! A planner that is never late, and an executor: items in, setpoints out.
 
 use syncline_trajectory::path::{Executor, Limits, PathItem, Planner, Setpoint};
+use syncline_trajectory::shaper::Spread;
 
 /// What runs, and what it still has to.
 #[derive(Clone)]
@@ -25,6 +26,11 @@ impl<'a> Machine<'a> {
             items: items.iter(),
             finished: false,
         }
+    }
+
+    /// What is behind it shapes setpoints, and may leave moves that end at rest by `exact` mm.
+    pub(crate) fn shape_by(&mut self, spread: Spread, exact: f64) {
+        self.planner.shape_by(spread, exact);
     }
 
     /// Goes on by one cycle; none where nothing is left.

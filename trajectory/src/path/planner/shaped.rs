@@ -1,0 +1,278 @@
+//! How fast curves are followed whose setpoints go through a [shaper](crate::shaper) on their way to the axes.
+//!
+//! What the axes are sent is a mean of where the path was lately, p̃ = Σ Aᵢ γ(sᵢ), so it cuts curves. Let s̄ = Σ Aᵢ sᵢ. By
+//! Taylor's theorem about s̄ the terms of first order cancel, and
+//!
+//! ```text
+//! |p̃ − γ(s̄)| ≤ κ/2 · Σ Aᵢ (sᵢ − s̄)² ≤ κ v² σ² / 2
+//! ```
+//!
+//! with the greatest curvature κ and the greatest speed v of all that the path has passed within the shaper's length T, and
+//! the [variance](Spread::variance) σ² of the delays: what depends on a delay by no more than v varies by no more than v²σ².
+//! Going back along the path changes nothing of that, nor does a rest. As s̄ comes to every place, each place of the path has
+//! a shaped setpoint within that distance, too.
+//!
+//! # Zones
+//!
+//! So a curve on which κv²σ²/2 is to be no more than what is spare of the tolerance has a greatest speed, and that has to hold
+//! for as long as any of the delays is on it. It is therefore the greatest speed in a zone of the length vT before the curve and
+//! behind it, too: it takes T to pass, so all that is in the mean together with a place of the curve lies in the zone. (Without
+//! zones, a curve is left by up to three times as much where the line before it is fast.) The least of what is
+//! spare in the zone counts: a line that has to be exact is left where a curve behind it is in the mean.
+//!
+//! A zone reaches back, so what was laid is kept until nothing that may come can slow it down: as long as it takes
+//! to pass what is behind it at the greatest speeds that any override allows.
+//!
+//! # Halves
+//!
+//! One half of a tolerance is for roundings and for curves in place of short segments, the other for the shaper
+//! ([`shared`](crate::path::PathControlMode::shared)). Where a rounding would have to be passed so slowly that a stop takes less time, the path stops, and rests
+//! until the axes have come to the corner ([`Joiner::pays`](super::joining::Joiner)).
+
+use super::Planner;
+use super::joining::{FASTEST, Laid, LaidCurve};
+use crate::path::segment_fitting::MoveEnd;
+use crate::path::{Feed, Limits, Move};
+use crate::shaper::Spread;
+use std::collections::VecDeque;
+
+/// Where a zone ends so near to the end of a curve, by its own length, it ends there.
+const NEARLY: f64 = 0.05;
+/// By such a part of its length a curve's parts may be off it together, for rounding.
+const NOTHING: f64 = 1e-6;
+
+/// Slows down what is laid.
+#[derive(Debug, Clone)]
+pub(super) struct Shaped<const N: usize> {
+    spread: Spread,
+    /// What may still be slowed down, in order.
+    kept: VecDeque<Kept<N>>,
+    /// How many of them have their own zones: what may lie in those was known.
+    zoned: usize,
+    /// What goes on as it is now.
+    slowed: VecDeque<Laid<N>>,
+}
+
+/// A piece of the path that is kept.
+#[derive(Debug, Clone)]
+struct Kept<const N: usize> {
+    laid: Laid<N>,
+    /// mm; 0 of what is no curve.
+    length: f64,
+    /// At most, 1/mm.
+    curvature: f64,
+    /// The time in which it is passed, at least, s.
+    time: f64,
+}
+
+impl<const N: usize> Kept<N> {
+    fn new(laid: Laid<N>, limits: &Limits<N>) -> Self {
+        let (length, curvature, time) = match &laid {
+            Laid::Curve(laid) => {
+                let length = laid.curve.length();
+                let time = length / fastest(laid, limits);
+                (length, laid.curve.most_curvature(), time)
+            }
+            Laid::Ends(..) | Laid::Rest | Laid::Settle(_) => (0.0, 0.0, 0.0),
+        };
+        Self {
+            laid,
+            length,
+            curvature,
+            time,
+        }
+    }
+
+    /// Its first `at` mm and the rest of it.
+    fn split(&self, at: f64) -> Option<[Self; 2]> {
+        let Laid::Curve(laid) = &self.laid else {
+            return None;
+        };
+        let ends = [(0.0, at), (at, self.length)];
+        let [first, second] = ends.map(|(from, to)| {
+            let ends = laid.ends.iter().filter(|end| end.at > from || from == 0.0);
+            let ends = ends.filter(|end| end.at <= to || to == self.length);
+            let by = |end: &MoveEnd| MoveEnd {
+                at: end.at - from,
+                ..*end
+            };
+            let part = LaidCurve {
+                curve: laid.curve.part(from, to),
+                ends: ends.map(by).collect(),
+                ..*laid
+            };
+            Self {
+                length: part.curve.length(),
+                laid: Laid::Curve(part),
+                time: self.time * (to - from) / self.length,
+                ..*self
+            }
+        });
+        let joined = first.length + second.length;
+        ((joined - self.length).abs() <= NOTHING * self.length).then_some([first, second])
+    }
+
+    /// How much of the tolerance the shaper has there, mm.
+    fn spare(&self) -> f64 {
+        match &self.laid {
+            Laid::Curve(laid) => laid.spare,
+            Laid::Ends(..) | Laid::Rest | Laid::Settle(_) => f64::INFINITY,
+        }
+    }
+
+    /// It is followed no faster than that, mm/s.
+    fn slow_down(&mut self, to: f64) {
+        if let Laid::Curve(laid) = &mut self.laid {
+            laid.most = laid.most.min(to);
+        }
+    }
+}
+
+/// The greatest path speed along a curve with any override, mm/s.
+fn fastest<const N: usize>(laid: &LaidCurve<N>, limits: &Limits<N>) -> f64 {
+    let [along, ..] = laid.curve.derivative_bounds();
+    let feed = match laid.feed {
+        Feed::Rate(speed) => FASTEST * speed,
+        Feed::Rapid | Feed::PerTurn { .. } => f64::INFINITY,
+    };
+    let axes = limits.velocity.iter().zip(along);
+    axes.map(|(most, along)| most / along).fold(feed, f64::min)
+}
+
+impl<const N: usize> Shaped<N> {
+    pub(super) fn new(spread: Spread) -> Self {
+        Self {
+            spread,
+            kept: VecDeque::new(),
+            zoned: 0,
+            slowed: VecDeque::new(),
+        }
+    }
+
+    /// How long the path rests until the axes do, s.
+    pub(super) fn settling(&self) -> f64 {
+        self.spread.settling
+    }
+
+    /// Goes on with what was laid.
+    pub(super) fn take(&mut self, laid: Laid<N>, limits: &Limits<N>) {
+        if self.kept.is_empty() && !matches!(laid, Laid::Curve(_)) {
+            return self.slowed.push_back(laid);
+        }
+        let rests = matches!(laid, Laid::Rest);
+        self.kept.push_back(Kept::new(laid, limits));
+        // What is in a mean with a curve is known once it takes the shaper's length to pass what is behind.
+        while self.zoned < self.kept.len()
+            && (rests || self.passed_from(self.zoned + 1) >= self.spread.duration)
+        {
+            self.lay_zone();
+            self.zoned += 1;
+        }
+        while rests && !self.kept.is_empty() || self.is_out_of_reach() {
+            self.slowed
+                .extend(self.kept.pop_front().map(|kept| kept.laid));
+            self.zoned -= 1;
+        }
+    }
+
+    /// What goes on, one by one.
+    pub(super) fn next(&mut self) -> Option<Laid<N>> {
+        self.slowed.pop_front()
+    }
+
+    /// How long it takes at least to pass what is kept from so many on.
+    fn passed_from(&self, first: usize) -> f64 {
+        self.kept.iter().skip(first).map(|kept| kept.time).sum()
+    }
+
+    /// No zone that is still to be laid reaches the first that is kept.
+    fn is_out_of_reach(&self) -> bool {
+        let behind = self.kept.iter().take(self.zoned).skip(1);
+        self.zoned > 0 && behind.map(|kept| kept.time).sum::<f64>() >= self.spread.duration
+    }
+
+    /// What lies within `reach` mm and the shaper's length of time of one that is kept, before it or behind it, nearest first,
+    /// each with how far it is away, mm.
+    fn near(
+        &self,
+        places: impl Iterator<Item = usize>,
+        reach: f64,
+    ) -> impl Iterator<Item = (usize, f64)> {
+        let (mut away, mut time) = (0.0, 0.0);
+        let near = places.map_while(move |place| {
+            let here = away;
+            let is_near = here < reach && time < self.spread.duration;
+            away += self.kept[place].length;
+            time += self.kept[place].time;
+            is_near.then_some((place, here))
+        });
+        near.filter(|&(place, _)| self.kept[place].length > 0.0)
+    }
+
+    /// Slows down the curve that has none yet, and what may be in a mean with it.
+    fn lay_zone(&mut self) {
+        let own = self.zoned;
+        let Kept { curvature, .. } = self.kept[own];
+        if curvature == 0.0 {
+            return;
+        }
+        let spare = self.kept[own].spare();
+        let reach = self.spread.speed(curvature, spare) * self.spread.duration;
+        let before = self.near((0..own).rev(), reach);
+        let spare = before
+            .chain(self.near(own + 1..self.kept.len(), reach))
+            .map(|(place, _)| self.kept[place].spare())
+            .fold(spare, f64::min);
+        let speed = self.spread.speed(curvature, spare);
+        let reach = speed * self.spread.duration;
+        self.kept[own].slow_down(speed);
+        let behind: Vec<_> = self.near(own + 1..self.kept.len(), reach).collect();
+        let before: Vec<_> = self.near((0..own).rev(), reach).collect();
+        // The last first: what is split moves those behind it on.
+        for (place, away) in behind.into_iter().rev() {
+            self.slow_down(place, reach - away, speed, true);
+        }
+        for (place, away) in before {
+            if self.slow_down(place, reach - away, speed, false) {
+                self.zoned += 1;
+            }
+        }
+    }
+
+    /// Slows down the first, or the last, so many mm of what is kept there, if it could be faster. Whether it was split.
+    fn slow_down(&mut self, place: usize, length: f64, speed: f64, first: bool) -> bool {
+        let kept = &mut self.kept[place];
+        let top = match &kept.laid {
+            Laid::Curve(laid) => laid.most.min(kept.length / kept.time),
+            _ => 0.0,
+        };
+        if top <= speed {
+            return false;
+        }
+        let left = kept.length - length;
+        if left <= NEARLY * length {
+            kept.slow_down(speed);
+            return false;
+        }
+        let at = if first { length } else { left };
+        let Some([mut one, mut other]) = kept.split(at) else {
+            kept.slow_down(speed);
+            return false;
+        };
+        if first { &mut one } else { &mut other }.slow_down(speed);
+        self.kept[place] = one;
+        self.kept.insert(place + 1, other);
+        true
+    }
+}
+
+impl<const N: usize> Planner<N> {
+    /// A move as it is joined, with its half of the tolerance where a shaper has the other one, and that.
+    pub(super) fn share(&self, motion: Move<N>) -> (Move<N>, f64) {
+        if self.shaped.is_none() {
+            return (motion, 0.0);
+        }
+        let (mode, spare) = motion.mode.shared(self.exact);
+        (Move { mode, ..motion }, spare)
+    }
+}
