@@ -3,12 +3,15 @@
 //! A file is a table of rows: with a header and commas (CSV), or with white space between the fields and no header,
 //! as LinuxCNC's halsampler writes it.
 
-use std::fs;
-use std::io;
+use std::io::{self, BufRead};
 use std::path::{Path, PathBuf};
+use syncline_strict_toml::input;
 
 /// By this part of the step two instants may be further apart: the last digit that is written.
 const EVEN: f64 = 3e-3;
+
+/// Numbers of a recording: 1 GiB of them, two hours and more of a trace with 16 columns at 1 ms.
+const MOST_NUMBERS: usize = 1 << 27;
 
 /// A table of numbers.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,6 +69,14 @@ pub enum NotRecorded {
         /// How many columns there are.
         expected: usize,
     },
+    /// It has more rows than are kept.
+    #[error("{} has more than {most} rows: give a part of it", file.display())]
+    Long {
+        /// The file.
+        file: PathBuf,
+        /// How many there may be, of as many columns as it has.
+        most: usize,
+    },
     /// It lacks a column.
     #[error("{}: no column `{column}`; there are {has}", file.display())]
     Column {
@@ -110,17 +121,20 @@ impl Recording {
     /// It cannot be read, has no row, no names, or rows of different lengths.
     pub fn read(file: &Path, names: Option<&[String]>) -> Result<Self, NotRecorded> {
         let file = file.to_owned();
-        let text = match fs::read_to_string(&file) {
-            Ok(text) => text,
-            Err(source) => return Err(NotRecorded::Read { file, source }),
+        let cannot_read = |source| NotRecorded::Read {
+            file: file.clone(),
+            source,
         };
-        let mut lines = text.lines().filter(|line| !line.trim().is_empty());
+        let lines = input::lines(&file).map_err(cannot_read)?.lines();
+        let is_blank =
+            |line: &io::Result<String>| line.as_ref().is_ok_and(|it| it.trim().is_empty());
+        let mut lines = lines.filter(|line| !is_blank(line));
         let Some(first) = lines.next() else {
             return Err(NotRecorded::Empty { file });
         };
+        let first = first.map_err(cannot_read)?;
         let by_commas = first.contains(',');
-        let fields = |line| -> Vec<&str> { fields(line, by_commas) };
-        let header = fields(first);
+        let header = fields(&first, by_commas);
         let is_header = header.iter().all(|it| it.parse::<f64>().is_err());
         let names = match names {
             Some(names) => names.to_vec(),
@@ -131,11 +145,16 @@ impl Recording {
             }
         };
         let mut columns: Vec<Column> = names.into_iter().map(Column::new).collect();
-        let first = (!is_header).then_some(first);
+        let most = MOST_NUMBERS / columns.len().max(1);
+        let first = (!is_header).then(|| Ok(first.clone()));
         let mut rows = 0;
         for line in first.into_iter().chain(lines) {
-            let fields = fields(line);
+            let line = line.map_err(cannot_read)?;
+            let fields = fields(&line, by_commas);
             rows += 1;
+            if rows > most {
+                return Err(NotRecorded::Long { file, most });
+            }
             // A line of halsampler that tells of lost samples is told as what it is.
             if fields.len() != columns.len() && fields.len() > 1 {
                 return Err(NotRecorded::Fields {

@@ -18,7 +18,6 @@ use crate::run::virtual_time::VirtualMachine;
 use crate::run::{Progress, RunError};
 use crate::session::{Command, Event, NotTaken, Session, Status};
 use std::error::Error;
-use std::fs;
 use std::io;
 use std::path::Path;
 use std::sync::Arc;
@@ -70,7 +69,7 @@ impl Inputs {
         Layout::new(&machine)?;
         let programs = match tables {
             Some(file) => {
-                let text = fs::read_to_string(file);
+                let text = syncline_strict_toml::read(file);
                 let text = text.map_err(|why| format!("cannot read {}: {why}", file.display()))?;
                 Programs::with_tables(&machine, Tables::parse(file, &text)?)
             }

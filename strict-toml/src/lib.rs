@@ -4,7 +4,7 @@
 //! [`parse`] turns the text into TOML. A [`Table`] is then asked for every key it may have, and
 //! [`Table::finish`] reports the keys that nobody asked for and the required ones that are absent.
 //! All mistakes of a file gather in one [`Log`], so that a person mends them in one go; [`Invalid`]
-//! shows them, each with its line.
+//! shows them, each with its line. [`input`] reads files, these and any other, to a bound; [`replace`] writes one as a whole.
 //!
 //! ```
 //! use std::path::Path;
@@ -38,6 +38,7 @@
 #![forbid(unsafe_code)]
 
 mod diagnostic;
+pub mod input;
 pub mod replace;
 mod set;
 mod table;
@@ -48,16 +49,13 @@ pub use set::{SetError, set};
 pub use table::{Found, Table, integer, nearest, one_of};
 pub use values::values;
 
-use std::fs::File;
-use std::io::{self, Read};
+use std::io;
 use std::path::Path;
 use toml::Spanned;
 use toml::de::DeTable;
 
 /// Bytes that a file may have: thousands of tables.
 const LONGEST: u64 = 1 << 20;
-/// Bytes that a line of it may have, of which messages show the line.
-const LONGEST_LINE: usize = 1 << 16;
 
 /// Reads a file's text.
 ///
@@ -65,20 +63,16 @@ const LONGEST_LINE: usize = 1 << 16;
 /// It cannot be read, is no UTF-8, or is longer than such a file can be: then it is another kind of
 /// file, and is not read to its end.
 pub fn read(file: &Path) -> io::Result<String> {
-    let mut text = String::new();
-    let too_large = |what: String| Err(io::Error::new(io::ErrorKind::FileTooLarge, what));
-    let mut source = File::open(file)?.take(LONGEST + 1);
-    let read = source.read_to_string(&mut text);
-    if source.limit() == 0 {
-        return too_large(format!("more than {LONGEST} bytes: is it the right file?"));
-    }
-    read?;
-    let long = text.lines().position(|line| line.len() > LONGEST_LINE);
-    if let Some(index) = long {
-        let line = index + 1;
-        return too_large(format!("line {line} has more than {LONGEST_LINE} bytes"));
-    }
-    Ok(text)
+    let text = input::text(input::read_to(file, LONGEST)?)?;
+    let long = text.lines().position(|line| line.len() > input::LINE);
+    let Some(index) = long else {
+        return Ok(text);
+    };
+    // Messages show lines.
+    let (line, most) = (index + 1, input::LINE);
+    Err(input::too_large(format!(
+        "line {line} has more than {most} bytes"
+    )))
 }
 
 /// Reads a file's text as TOML. What of it is none goes to the log.

@@ -7,10 +7,12 @@ use super::machine::MachineSpec;
 use super::operator::{self, Deed};
 use super::program;
 use crate::session::Command;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::io;
 use std::path::Path;
+use syncline_strict_toml::input;
 
 /// Virtual time of a case from where its machine is ready for the first time, s: the shortest and the
 /// longest.
@@ -181,7 +183,7 @@ impl Case {
     /// # Errors
     /// It cannot be read, or is none.
     pub fn load(file: &Path) -> io::Result<Self> {
-        Ok(serde_json::from_str(&fs::read_to_string(file)?)?)
+        from_json(file)
     }
 
     /// Writes it.
@@ -191,6 +193,18 @@ impl Case {
     pub fn save(&self, file: &Path) -> io::Result<()> {
         fs::write(file, serde_json::to_string_pretty(self)? + "\n")
     }
+}
+
+/// What a file has as JSON. Errors name it.
+///
+/// # Errors
+/// It cannot be read, or is something else.
+pub fn from_json<T: DeserializeOwned>(file: &Path) -> io::Result<T> {
+    let read = input::read(file).and_then(|text| Ok(serde_json::from_slice(&text)?));
+    read.map_err(|why| {
+        let told = format!("cannot read {}: {why}", file.display());
+        io::Error::new(why.kind(), told)
+    })
 }
 
 #[cfg(test)]

@@ -33,7 +33,7 @@ mod program;
 pub mod shrink;
 pub mod stage;
 
-pub use case::{Case, When};
+pub use case::{Case, When, from_json};
 pub use checkers::{Checkers, Found, Violation};
 pub use coverage::Coverage;
 pub use interference::{Change, Interference, Tampering, ToBus, ToDrive, Traffic, Trouble};

@@ -128,7 +128,7 @@ impl Sum {
 
     /// Reads what [`Args::sum`] has.
     fn load(file: &Path) -> io::Result<Self> {
-        Ok(serde_json::from_str(&fs::read_to_string(file)?)?)
+        campaign::from_json(file)
     }
 
     fn save(&self, file: &Path) -> io::Result<()> {

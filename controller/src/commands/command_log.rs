@@ -4,17 +4,16 @@
 //! each, as what it does may change them, and what was known of the machine's state; then comes a line for
 //! each command that took effect.
 
-use super::input::ShortLines;
 use super::output::{Claims, NoOutput, Target};
 use crate::machine::MachineState;
 use crate::observe::trace::Sink;
 use crate::run::Timeline;
 use crate::session::{Accepted, Event, Recorded, Session, Subscription};
 use serde::{Deserialize, Serialize};
-use std::fs::File;
-use std::io::{self, BufRead, BufReader, Write};
+use std::io::{self, BufRead, Write};
 use std::path::{Path, PathBuf};
 use syncline_gcode::{Tables, TablesError};
+use syncline_strict_toml::input;
 
 /// Where the commands of operators are written.
 #[derive(Debug, clap::Args)]
@@ -153,8 +152,7 @@ pub(super) fn read(path: &Path) -> Result<Logged, BadCommands> {
         file: path.to_owned(),
         source,
     };
-    let file = File::open(path).map_err(cannot_read)?;
-    let mut file = BufReader::new(ShortLines::new(file));
+    let mut file = input::lines(path).map_err(cannot_read)?;
     let mut accepted: Vec<Accepted> = Vec::new();
     let mut tables: Vec<String> = Vec::new();
     let mut state = MachineState::default();

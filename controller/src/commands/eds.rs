@@ -2,7 +2,7 @@
 
 use super::calendar::Utc;
 use super::tool::NodeOfTwin;
-use super::{Exit, bad_input, input};
+use super::{Exit, bad_input};
 use crate::machine::{Machine, Node};
 use std::error::Error;
 use std::io::{self, Write};
@@ -12,6 +12,7 @@ use syncline_canopen::dictionary::Entry;
 use syncline_canopen::eds::{Difference, Eds};
 use syncline_drives::model::Model;
 use syncline_drives::twin::Kind;
+use syncline_strict_toml::input;
 
 /// Write a node's electronic data sheet (EDS), or compare one with what is built in.
 ///

@@ -1,7 +1,6 @@
 //! What an operator does, in words: in a validated run from a CSV file, `t_s,event,value`, and on the
 //! lines of a console.
 
-use super::input;
 use crate::machine::COORDINATES;
 use crate::session::{
     Command, Direction, Jog, LEAST, MOST_FEED, MOST_RAPID, Override, StepChange, SwitchChange,
@@ -11,6 +10,7 @@ use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 use syncline_gcode::AxisLetter;
+use syncline_strict_toml::input;
 
 /// What an operator may write.
 #[derive(Clone, Copy)]

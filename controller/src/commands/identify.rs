@@ -241,7 +241,7 @@ impl Args {
             json.flush()?;
         }
         if self.update {
-            let mut text = fs::read_to_string(&self.machine)?;
+            let mut text = syncline_strict_toml::read(&self.machine)?;
             for setting in settings {
                 text = syncline_strict_toml::set(&text, &setting)?;
             }

@@ -36,7 +36,6 @@ mod drives;
 mod eds;
 mod events;
 mod identify;
-mod input;
 mod keys;
 mod log_files;
 mod merge;

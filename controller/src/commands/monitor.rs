@@ -1,13 +1,11 @@
 //! `syncline monitor`: what goes over a bus, decoded.
 
-use super::input::ShortLines;
 use super::tool::{BitRate, Known, Session};
 use super::{Exit, bad_input, report};
 use crate::bus_log::candump::Line;
 use crate::port::url::BusUrl;
 use std::collections::BTreeMap;
 use std::error::Error;
-use std::fs::File;
 use std::io::{self, BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -16,6 +14,7 @@ use std::time::Duration;
 use syncline_canopen::monitor::Monitor;
 use syncline_canopen::{Frame, NodeId};
 use syncline_drives::model::Model;
+use syncline_strict_toml::input::{self, ShortLines};
 
 /// Show what goes over a bus, decoded: service, node, objects by name.
 ///
@@ -102,8 +101,8 @@ impl Args {
         let source: Box<dyn BufRead> = if log == Path::new("-") {
             Box::new(BufReader::new(ShortLines::new(io::stdin().lock())))
         } else {
-            let file = File::open(log).map_err(|error| cannot_read(log, &error))?;
-            Box::new(BufReader::new(ShortLines::new(file)))
+            let lines = input::lines(log);
+            Box::new(lines.map_err(|error| cannot_read(log, &error))?)
         };
         // Each interface in the log is a bus of its own.
         let mut monitors = BTreeMap::new();

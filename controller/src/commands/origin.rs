@@ -1,17 +1,16 @@
 //! What a run is made from, as it was when it began.
 
 use super::calendar::Utc;
-use super::input;
 use crate::machine::Machine;
 use crate::observe::frames::hexadecimal;
 use crate::observe::provenance::{self, Provenance};
 use crate::sweep::quoted;
 use sha2::{Digest, Sha256};
-use std::fs::File;
-use std::io::{self, BufRead, BufReader};
+use std::io;
 use std::path::Path;
 use std::time::SystemTime;
 use std::{env, fs};
+use syncline_strict_toml::input;
 
 /// Files of a run.
 pub(super) struct Origin {
@@ -49,15 +48,8 @@ impl Origin {
 }
 
 /// The SHA-256 of a file of any length.
-fn digest(file: &Path) -> io::Result<String> {
-    let (mut digest, mut file) = (Sha256::new(), BufReader::new(File::open(file)?));
-    loop {
-        let bytes = file.fill_buf()?;
-        if bytes.is_empty() {
-            return Ok(hexadecimal(&digest.finalize()));
-        }
-        digest.update(bytes);
-        let count = bytes.len();
-        file.consume(count);
-    }
+pub(super) fn digest(file: &Path) -> io::Result<String> {
+    let mut digest = Sha256::new();
+    input::parts(file, |bytes| digest.update(bytes))?;
+    Ok(hexadecimal(&digest.finalize()))
 }

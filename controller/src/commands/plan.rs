@@ -1,12 +1,11 @@
 //! `syncline plan`: a batch of state-to-state problems.
 
-use super::input::ShortLines;
 use super::output::{Claims, NoOutput};
 use super::{Exit, report};
 use std::fmt::Write as _;
-use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
+use syncline_strict_toml::input;
 use syncline_trajectory::limits::{Limits, PositionLimits};
 use syncline_trajectory::profile::{Profile, State};
 use syncline_trajectory::state_to_state::{PlanError, Problem, Target};
@@ -73,7 +72,7 @@ impl Args {
 
     /// Whether every row is ok.
     fn answer(&self) -> Result<bool, PlanFileError> {
-        let file = File::open(&self.cases);
+        let file = input::lines(&self.cases);
         let file = file.map_err(|error| PlanFileError::Read(self.cases.clone(), error.into()))?;
         let cases = Cases::begin(file, &self.cases)?;
         let out = self.out.as_deref().unwrap_or(Path::new("-"));
@@ -86,7 +85,7 @@ impl Args {
 /// Problems whose columns are known.
 struct Cases<'a, R> {
     file: &'a Path,
-    reader: csv::Reader<ShortLines<R>>,
+    reader: csv::Reader<R>,
     columns: Columns,
 }
 
@@ -97,7 +96,7 @@ impl<'a, R: Read> Cases<'a, R> {
             .flexible(true)
             .trim(csv::Trim::All)
             .comment(Some(b'#'))
-            .from_reader(ShortLines::new(source));
+            .from_reader(source);
         let header = reader.byte_headers();
         let header = header.map_err(|error| PlanFileError::Read(file.to_owned(), error))?;
         let columns = Columns::new(header, file)?;

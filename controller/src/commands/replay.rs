@@ -1,7 +1,6 @@
 //! `syncline replay`: a recorded run once more.
 
 use super::command_log;
-use super::input::ShortLines;
 use super::ports::PortChoice;
 use super::switches::Switches;
 use super::{Exit, bad_input, report};
@@ -15,13 +14,13 @@ use crate::run::Progress;
 use crate::run::replay::{Difference, Logged, Operators, Outcome, Replay, ReplayBus};
 use crate::session::{Event, NotTaken, Recorded, Refused, Session};
 use std::error::Error;
-use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::BufRead;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 use syncline_canopen::monitor::Monitor;
 use syncline_canopen::{CobId, Frame, Instant};
+use syncline_strict_toml::input;
 
 /// Feed a recorded run back through the controller and compare what it sends.
 ///
@@ -175,9 +174,8 @@ impl Args {
     /// The frames of the machine's buses.
     fn read(&self, machine: &Machine) -> Result<Vec<Logged>, BadLog> {
         let cannot_read = |error| BadLog(format!("cannot read {}: {error}", self.log.display()));
-        let file = File::open(&self.log).map_err(cannot_read)?;
+        let mut file = input::lines(&self.log).map_err(cannot_read)?;
         let mut log = Vec::new();
-        let mut file = BufReader::new(ShortLines::new(file));
         let mut line = String::new();
         for number in 1.. {
             line.clear();

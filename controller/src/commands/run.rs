@@ -22,7 +22,7 @@ use crate::session::{Command, Event, Operator, Session, Subscription};
 use rustix::termios::{QueueSelector, tcflush};
 use std::error::Error;
 use std::fmt::Display;
-use std::io;
+use std::io::{self, BufRead};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::thread;
@@ -157,7 +157,7 @@ fn confirm(beginning: &Beginning) -> Result<(), NotConfirmed> {
     let _ = tcflush(std::io::stdin(), QueueSelector::IFlush);
     let line = beginning.line();
     eprintln!("line {line}: {beginning}\npress Enter to begin there, Ctrl-C to give up");
-    match std::io::stdin().read_line(&mut String::new()) {
+    match io::stdin().lock().skip_until(b'\n') {
         Ok(bytes) if bytes > 0 => Ok(()),
         _ => Err(NotConfirmed),
     }
@@ -376,7 +376,7 @@ fn obey_lines(operator: &Operator, events: &Subscription, messages: &Messages) {
         let Some(Event::Machine(MachineEvent::Paused { .. })) = event else {
             continue;
         };
-        let line = io::stdin().read_line(&mut String::new());
+        let line = io::stdin().lock().skip_until(b'\n');
         // Nobody listening any more is fine.
         let _ = if line.is_ok_and(|bytes| bytes > 0) {
             operator.command(Command::CycleStart)

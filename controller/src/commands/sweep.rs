@@ -2,13 +2,13 @@
 
 use super::output::{Claims, Target};
 use super::shard::Shard;
-use super::{Exit, merge, report};
+use super::{Exit, merge, origin, report};
 use crate::sweep::{Folder, Manifest, Plan, Runs, SweepError, Table, Vary, sha256};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::{fs, thread};
+use std::thread;
 use syncline_gcode::Tables;
 
 /// Validate a program many times, each time with other values of keys of the machine file.
@@ -93,18 +93,18 @@ impl Args {
 
     /// What the sweep is of, as its files are now.
     fn manifest(&self, of: &Runs, runs: u64, vary_sha256: String) -> Result<Manifest, SweepError> {
-        let descriptions = of.descriptions().iter().map(|file| read(file));
+        let descriptions = of.descriptions().iter().map(|file| digest(file));
         let descriptions = descriptions.collect::<Result<Vec<_>, _>>()?;
         Ok(Manifest {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             machine: self.machine.clone(),
             program: self.program.clone(),
-            machine_sha256: sha256([read(&self.machine)?]),
+            machine_sha256: sha256([digest(&self.machine)?]),
             descriptions_sha256: match descriptions.is_empty() {
                 true => String::new(),
                 false => sha256(descriptions),
             },
-            tables_sha256: sha256(fs::read(Tables::beside(&self.machine))),
+            tables_sha256: sha256(digest(&Tables::beside(&self.machine))),
             program_sha256: sha256(self.program_texts()?),
             vary_sha256,
             seed: self.seed,
@@ -113,15 +113,15 @@ impl Args {
         })
     }
 
-    /// The program, and what it can call, by name.
+    /// The digest of the program, and those of what it can call, by name.
     fn program_texts(&self) -> Result<Vec<Vec<u8>>, SweepError> {
-        let mut texts = vec![read(&self.program)?];
+        let mut texts = vec![digest(&self.program)?];
         let mut callable = super::output::callable(&self.program);
         callable.sort();
         for file in callable {
             let name = file.file_name().unwrap_or_default();
             texts.push(name.as_encoded_bytes().to_vec());
-            texts.push(read(&file)?);
+            texts.push(digest(&file)?);
         }
         Ok(texts)
     }
@@ -180,11 +180,13 @@ impl Args {
     }
 }
 
-fn read(file: &Path) -> Result<Vec<u8>, SweepError> {
-    fs::read(file).map_err(|source| SweepError::Read {
+/// What stands for a file of any length.
+fn digest(file: &Path) -> Result<Vec<u8>, SweepError> {
+    let digest = origin::digest(file).map_err(|source| SweepError::Read {
         file: file.to_owned(),
         source,
-    })
+    })?;
+    Ok(digest.into_bytes())
 }
 
 /// The bar of a sweep: how many runs are made, and when the last one will be.

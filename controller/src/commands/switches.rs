@@ -3,8 +3,9 @@
 use crate::program::{Program, Programs};
 use crate::session::{Command, NotTaken, Operator, SwitchChange};
 use std::error::Error;
-use std::io::{self, Read};
+use std::io;
 use std::path::Path;
+use syncline_strict_toml::input;
 
 /// Bytes that a program on standard input may have: it is kept in memory.
 const LONGEST: u64 = 1 << 28;
@@ -57,11 +58,6 @@ impl Switches {
 
 /// All of standard input.
 fn standard_input() -> Result<Vec<u8>, Box<dyn Error>> {
-    let mut text = Vec::new();
-    let input = io::stdin().lock().take(LONGEST + 1).read_to_end(&mut text);
-    input.map_err(|error| format!("cannot read standard input: {error}"))?;
-    if text.len() as u64 > LONGEST {
-        return Err(format!("standard input has more than {LONGEST} bytes: name a file").into());
-    }
-    Ok(text)
+    let text = input::whole(io::stdin().lock(), LONGEST);
+    Ok(text.map_err(|error| format!("cannot read standard input: {error}"))?)
 }

@@ -5,16 +5,14 @@
 use super::node::{NodeTable, pair};
 use super::read::assumed_of;
 use std::{
-    fs::File,
     io,
-    io::Read,
     path::{Path, PathBuf},
     time::Duration,
 };
 use syncline_canopen::eds::Eds;
 use syncline_canopen::{Address, NodeId};
 use syncline_drives::model::{Assumed, Description, MODELS, Model, Settings};
-use syncline_strict_toml::{Log, Table, integer};
+use syncline_strict_toml::{Log, Table, input, integer};
 use toml::Spanned;
 
 /// Rows that a dictionary holds.
@@ -230,18 +228,9 @@ fn r_pdo_values(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Vec<(Address, i
 
 /// Reads a data sheet. Those of older tools are in some 8-bit code; names do not matter here.
 fn data_sheet(file: &Path) -> Result<Eds, Wrong> {
-    let mut bytes = Vec::new();
-    let read = File::open(file).and_then(|it| it.take(LONGEST + 1).read_to_end(&mut bytes));
+    let bytes = input::read_to(file, LONGEST).map_err(|error| unreadable(file, &error))?;
     let place = file.display();
     let help = "allowed: a data sheet as CiA 306 has it";
-    match read {
-        Err(error) => return Err(unreadable(file, &error)),
-        Ok(_) if bytes.len() as u64 > LONGEST => {
-            let problem = format!("{place} has more than {LONGEST} bytes");
-            return Err((problem, help.into()));
-        }
-        Ok(_) => {}
-    }
     let eds = Eds::parse(&String::from_utf8_lossy(&bytes));
     let eds = eds.map_err(|error| (format!("{place}: {error}"), help.into()))?;
     match eds.parameters().count() {

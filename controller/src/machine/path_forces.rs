@@ -1,10 +1,9 @@
 //! `forces` in `[simulation]`: the force on the tool along the path of a program, from a file that something else has measured or
 //! computed.
 
-use std::fs::File;
-use std::io::{self, BufReader};
+use std::io;
 use std::path::{Path, PathBuf};
-use syncline_strict_toml::{Log, Table};
+use syncline_strict_toml::{Log, Table, input};
 
 /// The first line of such a file: distance along the path, mm, and the force along X, Y and Z of the machine, N.
 const COLUMNS: [&str; 4] = ["path_mm", "x_n", "y_n", "z_n"];
@@ -51,10 +50,8 @@ pub(super) fn read(
     let allowed = "a CSV file with the columns path_mm,x_n,y_n,z_n";
     let name = table.text_if(log, "forces", allowed, |it| !it.is_empty())?;
     let file = folder.join(name.get_ref());
-    match File::open(&file)
-        .map_err(|why| why.to_string())
-        .and_then(|it| points(BufReader::new(it)))
-    {
+    let lines = input::lines(&file).map_err(|why| why.to_string());
+    match lines.and_then(points) {
         Ok(points) => Some(PathForces { file, points }),
         Err(problem) => {
             let problem = format!("{}: `forces`: {}: {problem}", table.title, name.get_ref());

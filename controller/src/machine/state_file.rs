@@ -11,9 +11,10 @@ use serde::de::Error as _;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
+use std::io;
 use std::path::{Path, PathBuf};
-use std::{fs, io};
 use syncline_drives::model::{Address, Increments, Marks};
+use syncline_strict_toml::input;
 use syncline_strict_toml::replace::replace;
 use thiserror::Error;
 
@@ -170,9 +171,9 @@ impl MachineState {
     /// # Errors
     /// It cannot be read, or is none.
     pub fn load(file: &Path) -> Result<Self, StateError> {
-        match fs::read_to_string(file) {
+        match input::read(file) {
             Ok(text) => {
-                let state = serde_json::from_str(&text).and_then(StateFile::open);
+                let state = serde_json::from_slice(&text).and_then(StateFile::open);
                 state.map_err(|source| StateError::Broken {
                     file: file.to_owned(),
                     source,

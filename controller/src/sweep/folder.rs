@@ -9,6 +9,7 @@ use std::fs::{self, File};
 use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use syncline_strict_toml::input;
 use syncline_strict_toml::replace::put_in_place;
 
 /// Why a sweep's files cannot be used.
@@ -201,7 +202,7 @@ impl Folder {
     /// It cannot be read or is none.
     pub fn open(path: &Path) -> Result<Self, SweepError> {
         let file = manifest_in(path);
-        let text = fs::read(&file).map_err(|source| SweepError::Read {
+        let text = input::read(&file).map_err(|source| SweepError::Read {
             file: file.clone(),
             source,
         })?;
@@ -289,7 +290,8 @@ impl Folder {
             file: file.clone(),
             problem,
         };
-        let mut csv = csv::Reader::from_path(&file).map_err(|error| form(error.to_string()))?;
+        let lines = input::lines(&file).map_err(|error| form(error.to_string()))?;
+        let mut csv = csv::Reader::from_reader(lines);
         let cells = |record: &csv::StringRecord| record.iter().map(str::to_owned).collect();
         let columns: Vec<String> = cells(csv.headers().map_err(|error| form(error.to_string()))?);
         if table.columns.is_empty() {
@@ -298,12 +300,13 @@ impl Folder {
             return Err(form("other columns than the parts before".into()));
         }
         let before = table.rows.len();
-        for record in csv.records() {
+        let runs = self.manifest.runs_of(part);
+        // One more than there are to be says that there are too many.
+        for record in csv.records().take(runs.clone().count() + 1) {
             table
                 .rows
                 .push(cells(&record.map_err(|error| form(error.to_string()))?));
         }
-        let runs = self.manifest.runs_of(part);
         let mut found = table.rows[before..].iter().map(|row| row.first());
         let all = runs
             .clone()

@@ -28,7 +28,7 @@ fn table() -> Vec<(String, BTreeSet<String>)> {
 }
 
 /// A file's lines but for comments and for what only tests use: the item behind each `#[cfg(test)]`.
-fn code(text: &str) -> String {
+pub(super) fn code(text: &str) -> String {
     let mut code = String::new();
     // How deep in braces the item for tests is, once it has begun.
     let mut item: Option<i32> = None;

@@ -26,6 +26,7 @@ mod python_canopen_csp;
 mod python_canopen_twins;
 mod reactions;
 mod read_ahead;
+mod reads;
 mod replay;
 mod report;
 mod simulated;

@@ -26,7 +26,17 @@ impl Place {
 
     /// Exit code, standard output, standard error.
     fn run(&self, arguments: &str) -> (i32, String, String) {
-        let mut command = Command::new(SYNCLINE);
+        self.play(Command::new(SYNCLINE), arguments)
+    }
+
+    /// The same with 256 MiB of memory at most.
+    fn run_in_little(&self, arguments: &str) -> (i32, String, String) {
+        let mut command = Command::new("sh");
+        command.args(["-c", "ulimit -d 262144; exec \"$0\" \"$@\"", SYNCLINE]);
+        self.play(command, arguments)
+    }
+
+    fn play(&self, mut command: Command, arguments: &str) -> (i32, String, String) {
         command.current_dir(self.path());
         let output = (command.args(arguments.split_whitespace()).output()).unwrap();
         let text = |bytes| String::from_utf8(bytes).unwrap();
@@ -274,7 +284,7 @@ fn inputs_are_bounded() {
         ),
         (
             "eds --node 1:lxm32m --compare /dev/zero",
-            "cannot read /dev/zero: more than 16777216 bytes",
+            "cannot read /dev/zero: more than 16777216 bytes: is it the right file?",
         ),
         (
             "validate portal.toml short.ngc --events /dev/zero",
@@ -301,6 +311,81 @@ fn inputs_are_bounded() {
         "check portal.toml",
         "cannot read portal.tables.toml: line 1 has more than 65536 bytes",
     );
+}
+
+/// Whatever a command reads may be a file that is longer than any memory: here 1 TiB of zeros, of which the disk has nothing.
+#[test]
+fn no_file_fills_the_memory() {
+    let place = Place::new();
+    let big = |name: &str| {
+        let file = fs::File::create(place.path().join(name)).unwrap();
+        file.set_len(1 << 40).unwrap();
+    };
+    let size = 1_u64 << 40;
+    let whole = |file: &str, most: u64| {
+        format!("cannot read {file}: it has {size} bytes, more than {most}: is it the right file?")
+    };
+    let by_lines = |file: &str| format!("cannot read {file}: a line of more than 65536 bytes");
+    big("big");
+    let (wholly, lines) = (whole("big", 16 << 20), by_lines("big"));
+    let toml = whole("big", 1 << 20);
+    let page = |command: &str, told: &str| {
+        let (code, printed, found) = place.run_in_little(command);
+        assert_eq!((code, &*printed), (2, ""), "{command}: {found}");
+        assert!(found.contains(told), "{command}: {found}");
+    };
+    for (command, told) in [
+        ("check big", &*toml),
+        ("validate portal.toml short.ngc --tables big", &toml),
+        ("validate portal.toml short.ngc --events big", &lines),
+        ("validate portal.toml --trajectory big --step 0.001", &lines),
+        ("compare a.csv b.csv", &by_lines("a.csv")),
+        (
+            "identify portal.toml --axis Y --rated-torque 1 --log big",
+            &lines,
+        ),
+        ("campaign --case big", &wholly),
+        ("campaign --merge big", &wholly),
+        ("sweep portal.toml short.ngc --vary big", &toml),
+        ("merge folder", &whole("folder/sweep.json", 16 << 20)),
+        ("plan big", &lines),
+        ("monitor --log big", &lines),
+        ("replay big portal.toml short.ngc", &lines),
+        ("eds --node 1:lxm32m --compare big", &wholly),
+    ] {
+        if let Some(name) = told
+            .split(": ")
+            .next()
+            .and_then(|it| it.strip_prefix("cannot read "))
+        {
+            fs::create_dir_all(place.path().join("folder")).unwrap();
+            big(name);
+        }
+        page(command, told);
+    }
+    let machine = fs::read_to_string(place.path().join("portal.toml")).unwrap();
+    let forces = format!("{machine}\n[simulation]\nforces = \"big\"\n");
+    fs::write(place.path().join("forces.toml"), forces).unwrap();
+    page("check forces.toml", "big: a line of more than 65536 bytes");
+    let example = root().join("examples/described");
+    for name in ["machine.toml", "servo.toml"] {
+        fs::copy(example.join(name), place.path().join(name)).unwrap();
+    }
+    big("servo.eds");
+    page("check machine.toml", &whole("servo.eds", 4 << 20));
+    big("servo.toml");
+    page("check machine.toml", &whole("servo.toml", 1 << 20));
+    big("portal.state.json");
+    let state = whole("the machine's state, portal.state.json", 16 << 20);
+    page("run portal.toml short.ngc", &state);
+    fs::remove_file(place.path().join("portal.state.json")).unwrap();
+    big("portal.tables.toml");
+    page("check portal.toml", &whole("portal.tables.toml", 1 << 20));
+    fs::remove_file(place.path().join("portal.tables.toml")).unwrap();
+    big("short.ngc");
+    let (code, _, told) = place.run_in_little("check portal.toml short.ngc");
+    assert_eq!(code, 2, "{told}");
+    assert!(told.contains("a line of more than 1048576 bytes"), "{told}");
 }
 
 /// Names do not command the terminal.

@@ -9,9 +9,8 @@ use crate::program::{counted, moved};
 use crate::session::{Event, Status};
 use std::array;
 use std::collections::VecDeque;
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
+use syncline_strict_toml::input;
 
 /// Messages that are kept.
 const MESSAGES: usize = 200;
@@ -141,11 +140,9 @@ impl Model {
     }
 }
 
-/// The text of a file, if it is none too long.
+/// The text of a file, or the beginning of a long one.
 fn read(file: &Path) -> Option<String> {
-    let mut bytes = Vec::new();
-    let mut file = File::open(file).ok()?.take(LONGEST);
-    file.read_to_end(&mut bytes).ok()?;
+    let bytes = input::beginning(file, LONGEST).ok()?;
     Some(String::from_utf8_lossy(&bytes).into_owned())
 }
 
