@@ -191,7 +191,15 @@ impl Case {
     /// # Errors
     /// It cannot be written.
     pub fn save(&self, file: &Path) -> io::Result<()> {
-        fs::write(file, serde_json::to_string_pretty(self)? + "\n")
+        fs::write(file, self.to_json()?)
+    }
+
+    /// Its text in a file.
+    ///
+    /// # Errors
+    /// There is none, which does not happen.
+    pub fn to_json(&self) -> io::Result<String> {
+        Ok(serde_json::to_string_pretty(self)? + "\n")
     }
 }
 

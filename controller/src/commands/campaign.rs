@@ -1,7 +1,7 @@
 //! `syncline campaign`: random machines, programs, operators and troubles, watched by checkers.
 
 use super::log_files::LogFiles;
-use super::output::{Claims, Output, Results, Target};
+use super::output::{Claims, NoOutput, Output, Results, Target};
 use super::shard::Shard;
 use super::{Exit, report};
 use crate::campaign::explore::{Explorer, Sightings};
@@ -177,6 +177,8 @@ impl Args {
         match done {
             Ok(true) => Exit::Finished,
             Ok(false) => Exit::Stopped,
+            // Nothing was played.
+            Err(error) if error.is::<NoOutput>() => super::bad_input(&*error),
             Err(error) => {
                 report(&*error);
                 Exit::Stopped
@@ -313,9 +315,18 @@ impl Args {
         Ok(sum.violations.is_empty())
     }
 
+    /// What is read is not written over.
+    fn claims(&self) -> Claims {
+        let merged = self.merge.iter().map(|file| ("--merge", file));
+        let read = self.case.iter().map(|file| ("--case", file)).chain(merged);
+        read.fold(Claims::default(), |claims, (what, file)| {
+            claims.reads(what, file)
+        })
+    }
+
     /// Plays one case and tells what happens.
     fn one(&self, case: &Case) -> Result<bool, Box<dyn Error>> {
-        let mut claims = Claims::default();
+        let mut claims = self.claims();
         let mut results = self.output.open(&mut claims, None)?;
         let machine = case.machine.machine()?;
         let buses = machine.buses.iter().map(|bus| bus.name.clone());
@@ -396,7 +407,9 @@ impl Args {
         });
         fs::create_dir_all(folder)?;
         let file = folder.join(format!("{checker}-{}.json", case.seed));
-        small.save(&file)?;
+        let target = self.claims().target("--shrink", &file);
+        let target = target.map_err(|error| error.to_string())?;
+        target.put(&small.to_json()?)?;
         println!("{}: {checker}: {what}", file.display());
         Ok(())
     }

@@ -39,6 +39,14 @@ pub(super) struct Args {
     json: Option<PathBuf>,
 }
 
+/// What is compared.
+enum Compared<'a> {
+    /// A trace, in the file itself.
+    Trace,
+    /// A run: of which machine file, what was read of it, and of which program.
+    Run(&'a Path, Box<Inputs>, &'a Path),
+}
+
 impl Args {
     pub(super) fn execute(self) -> Exit {
         match self.compare() {
@@ -56,9 +64,18 @@ impl Args {
                 claims = claims.reads(what, file);
             }
         }
+        let first = self.compared(&self.first, &self.of_first)?;
+        let second = self.compared(&self.second, &self.of_second)?;
+        for compared in [&first, &second] {
+            if let Compared::Run(machine, inputs, program) = compared {
+                claims = claims
+                    .reads_machine(machine, &inputs.machine)
+                    .reads_program(program);
+            }
+        }
         let json: Option<Target> = claims.open("--json", &self.json)?;
-        let first = self.motion(&self.first, &self.of_first)?;
-        let second = self.motion(&self.second, &self.of_second)?;
+        let first = self.motion(&self.first, &self.of_first, first)?;
+        let second = self.motion(&self.second, &self.of_second, second)?;
         let comparison = Comparison::of(&first, &second)?;
         if let Some(json) = json {
             let mut json = json.begin()?;
@@ -70,7 +87,11 @@ impl Args {
     }
 
     /// What a file stands for.
-    fn motion(&self, file: &Path, settings: &[String]) -> Result<Motion, Box<dyn Error>> {
+    fn compared<'a>(
+        &'a self,
+        file: &'a Path,
+        settings: &[String],
+    ) -> Result<Compared<'a>, Box<dyn Error>> {
         let is = |kind: &str| file.extension().is_some_and(|name| name == kind);
         if is("csv") {
             if let [setting, ..] = settings {
@@ -79,7 +100,7 @@ impl Args {
                     format!("`{setting}`: {file} is a trace, of which nothing can be set").into(),
                 );
             }
-            return Ok(Motion::read(file)?);
+            return Ok(Compared::Trace);
         }
         let (machine, program) = if is("toml") {
             let program = self.program.as_deref();
@@ -91,6 +112,19 @@ impl Args {
             (machine.ok_or_else(missing)?, file)
         };
         let inputs = Inputs::read(machine, settings, None)?;
+        Ok(Compared::Run(machine, Box::new(inputs), program))
+    }
+
+    /// What moves in a file, or in the run that it stands for.
+    fn motion(
+        &self,
+        file: &Path,
+        settings: &[String],
+        compared: Compared<'_>,
+    ) -> Result<Motion, Box<dyn Error>> {
+        let Compared::Run(_, inputs, program) = compared else {
+            return Ok(Motion::read(file)?);
+        };
         let program = inputs.programs.file(program);
         let (summary, report) = inputs.validate(program, self.seed, true, |_| true)?;
         let name = [&[file.display().to_string()], settings].concat().join(" ");

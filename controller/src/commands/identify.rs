@@ -155,7 +155,7 @@ impl Args {
             }
         };
         let axis = machine.axes[subject.axis()].clone();
-        let mut claims = Claims::of_machine(&self.machine);
+        let mut claims = Claims::of_machine(&self.machine, &machine);
         if let Some(log) = &self.log {
             claims = claims.reads("--log", log);
         }

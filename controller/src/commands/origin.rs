@@ -26,7 +26,7 @@ impl Origin {
         let is_file = program.metadata().is_ok_and(|it| it.is_file());
         let source = (is_file && with_source).then(|| input::read(program).ok());
         let command = env::args().map(|word| quoted(&word));
-        let descriptions = machine.descriptions.iter().map(|file| provenance::Digest {
+        let descriptions = machine.files.iter().map(|file| provenance::Digest {
             file: file.display().to_string(),
             sha256: digest(file).unwrap_or_default(),
         });

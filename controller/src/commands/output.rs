@@ -100,18 +100,35 @@ impl Claims {
         }
     }
 
-    /// For a machine: its file is not to be written over, nor are the tables and its state, be they there or to be
-    /// made.
-    pub(super) fn of_machine(machine: &Path) -> Self {
-        Self::default()
-            .reads("the machine file", machine)
-            .reads("the tables", &Tables::beside(machine))
-            .reads("the machine's state", &MachineState::beside(machine))
+    /// For a machine in a file.
+    pub(super) fn of_machine(file: &Path, machine: &Machine) -> Self {
+        Self::default().reads_machine(file, machine)
     }
 
     /// For a program on a machine: nor are the program and the files beside it that it can call.
-    pub(super) fn of_run(machine: &Path, program: &Path) -> Self {
-        let claims = Self::of_machine(machine).reads("the program", program);
+    pub(super) fn of_run(file: &Path, machine: &Machine, program: &Path) -> Self {
+        Self::of_machine(file, machine).reads_program(program)
+    }
+
+    /// A machine: its file is not to be written over, nor is what it names, nor are the tables and its state, be they
+    /// there or to be made.
+    pub(super) fn reads_machine(self, file: &Path, machine: &Machine) -> Self {
+        self.reads("the machine file", file)
+            .reads("the tables", &Tables::beside(file))
+            .reads("the machine's state", &MachineState::beside(file))
+            .reads_named(machine.named_files())
+    }
+
+    /// What a machine file names.
+    pub(super) fn reads_named(self, files: impl IntoIterator<Item = impl AsRef<Path>>) -> Self {
+        files.into_iter().fold(self, |claims, file| {
+            claims.reads("a file that the machine file names", file.as_ref())
+        })
+    }
+
+    /// A program, and the files beside it that it can call.
+    pub(super) fn reads_program(self, program: &Path) -> Self {
+        let claims = self.reads("the program", program);
         callable(program).iter().fold(claims, |claims, file| {
             claims.reads("a program that can be called", file)
         })

@@ -125,7 +125,7 @@ impl Args {
         let programs = Programs::new(&machine, &self.machine)?;
         let program = self.switches.program(&programs, &self.program)?;
         let extent = program.check(machine.rest())?;
-        let mut claims = Claims::of_run(&self.machine, &self.program);
+        let mut claims = Claims::of_run(&self.machine, &machine, &self.program);
         let origin = (self.output).origin(&self.machine, &machine, &self.program);
         let results = self.output.open(&mut claims, origin)?;
         let logs = self.log.open(&mut claims)?;

@@ -51,7 +51,7 @@ impl Scripted<'_> {
     /// one: a result cannot be written.
     pub(super) fn play(&self) -> Result<Result<Summary, Box<dyn Error>>, Box<dyn Error>> {
         let inputs = Inputs::read(self.machine, self.settings, self.tables)?;
-        let mut claims = Claims::of_run(self.machine, self.events);
+        let mut claims = Claims::of_run(self.machine, &inputs.machine, self.events);
         if let Some(file) = self.tables {
             claims = claims.reads("--tables", file);
         }

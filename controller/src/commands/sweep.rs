@@ -3,6 +3,7 @@
 use super::output::{Claims, Target};
 use super::shard::Shard;
 use super::{Exit, merge, origin, report};
+use crate::machine::Machine;
 use crate::sweep::{Folder, Manifest, Plan, Runs, SweepError, Table, Vary, sha256};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::error::Error;
@@ -78,7 +79,9 @@ impl Args {
         let (count, vary_sha256) = (plan.runs(), sha256([text.into_bytes()]));
         let runs = Runs::new(self.machine.clone(), self.program.clone(), plan)?;
         let manifest = self.manifest(&runs, count, vary_sha256)?;
-        let mut claims = Claims::of_run(&self.machine, &self.program)
+        let machine = Machine::load(&self.machine)?;
+        let mut claims = Claims::of_run(&self.machine, &machine, &self.program)
+            .reads_named(runs.files())
             .reads("--vary", &self.vary)
             .keeps_sweep(manifest.files(&self.out));
         let csv = claims.open("--csv", &self.csv)?;
@@ -93,7 +96,7 @@ impl Args {
 
     /// What the sweep is of, as its files are now.
     fn manifest(&self, of: &Runs, runs: u64, vary_sha256: String) -> Result<Manifest, SweepError> {
-        let descriptions = of.descriptions().iter().map(|file| digest(file));
+        let descriptions = of.files().iter().map(|file| digest(file));
         let descriptions = descriptions.collect::<Result<Vec<_>, _>>()?;
         Ok(Manifest {
             version: env!("CARGO_PKG_VERSION").to_owned(),

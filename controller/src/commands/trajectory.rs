@@ -97,9 +97,10 @@ impl Trajectory {
         let Some(file) = &self.trajectory else {
             return Err("no trajectory".into());
         };
-        let mut claims = Claims::of_machine(machine_file).reads("--trajectory", file);
-        let json: Option<Target> = claims.open("--json", json)?;
         let inputs = Inputs::read(machine_file, settings, None)?;
+        let mut claims =
+            Claims::of_machine(machine_file, &inputs.machine).reads("--trajectory", file);
+        let json: Option<Target> = claims.open("--json", json)?;
         let recording = Recording::read(file, self.columns.as_deref())?;
         let samples = self.samples(&inputs.machine, &recording)?;
         let step = self.step(&recording)?;

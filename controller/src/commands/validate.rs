@@ -155,7 +155,7 @@ impl Args {
         let Inputs { machine, programs } = inputs;
         let program = self.switches.program(&programs, self.program())?;
         let extent = program.check(machine.rest())?;
-        let mut claims = Claims::of_run(&self.machine, self.program());
+        let mut claims = Claims::of_run(&self.machine, &machine, self.program());
         if let Some(file) = &self.tables {
             claims = claims.reads("--tables", file);
         }

@@ -2,13 +2,10 @@
 //!
 //! What is wrong in the file or its data sheet is told where the machine file names it, with the place there.
 
+use super::files::Files;
 use super::node::{NodeTable, pair};
 use super::read::assumed_of;
-use std::{
-    io,
-    path::{Path, PathBuf},
-    time::Duration,
-};
+use std::{io, path::Path, time::Duration};
 use syncline_canopen::eds::Eds;
 use syncline_canopen::{Address, NodeId};
 use syncline_drives::model::{Assumed, Description, MODELS, Model, Settings};
@@ -23,8 +20,6 @@ const LONGEST: u64 = 1 << 22;
 /// What files say of a device.
 pub(super) struct Described {
     pub(super) assumed: Assumed,
-    /// The description and its data sheet.
-    files: [PathBuf; 2],
 }
 
 /// What is wrong, and what to do.
@@ -38,13 +33,13 @@ pub(super) fn is_file(model: &str) -> bool {
 /// The model that the file describes that is the `model` of a table, and what it says of it.
 pub(super) fn read(
     log: &mut Log<'_>,
-    folder: &Path,
+    files: &mut Files,
     table: &mut Table<'_, '_>,
     of_kind: fn(&Model) -> bool,
 ) -> Option<(&'static Model, Spanned<Described>)> {
     let name = table.text(log, "model", "a file", is_file)?;
-    let file = folder.join(name.get_ref());
-    let wrong = match described(&file) {
+    let file = files.named(name.get_ref());
+    let wrong = match described(files, &file) {
         Ok((model, described)) if of_kind(model) => {
             return Some((model, Spanned::new(name.span(), described)));
         }
@@ -99,20 +94,8 @@ pub(super) fn models(log: &mut Log<'_>, devices: &[&NodeTable]) -> Vec<(&'static
     models
 }
 
-/// The files that describe them, each once.
-pub(super) fn files(devices: &[&NodeTable]) -> Vec<PathBuf> {
-    let described = devices.iter().filter_map(|it| it.described.as_ref());
-    let mut files: Vec<PathBuf> = Vec::new();
-    for file in described.flat_map(|it| &it.get_ref().files) {
-        if !files.contains(file) {
-            files.push(file.clone());
-        }
-    }
-    files
-}
-
 /// Reads a description.
-fn described(file: &Path) -> Result<(&'static Model, Described), Vec<Wrong>> {
+fn described(files: &mut Files, file: &Path) -> Result<(&'static Model, Described), Vec<Wrong>> {
     let source = syncline_strict_toml::read(file);
     let source = source.map_err(|error| vec![unreadable(file, &error)])?;
     let mut log = Log::new(&source);
@@ -120,6 +103,7 @@ fn described(file: &Path) -> Result<(&'static Model, Described), Vec<Wrong>> {
     let read = log.is_empty().then(|| {
         model(
             &mut log,
+            files,
             file,
             Table::new("description", 0..0, document.get_ref()),
         )
@@ -148,6 +132,7 @@ fn unreadable(file: &Path, error: &io::Error) -> Wrong {
 
 fn model(
     log: &mut Log<'_>,
+    files: &mut Files,
     file: &Path,
     mut table: Table<'_, '_>,
 ) -> Option<(&'static Model, Described)> {
@@ -168,9 +153,7 @@ fn model(
         table.finish(log);
     }
     let (name, generic, sheet, assumed) = (name?, generic?, sheet?, assumed?);
-    let folder = file.parent().unwrap_or(Path::new(""));
-    let files = [file.to_owned(), folder.join(sheet.get_ref())];
-    let eds = match data_sheet(&files[1]) {
+    let eds = match data_sheet(&files.named_in(file, sheet.get_ref())) {
         Ok(eds) => eds,
         Err((problem, help)) => {
             log.report(sheet.span(), format!("{title}: `eds`: {problem}"), help);
@@ -192,7 +175,7 @@ fn model(
         let problem = format!("{title}: `eds`: {lack}");
         log.report(sheet.span(), problem, lack.help);
     }
-    Some((model, Described { assumed, files }))
+    Some((model, Described { assumed }))
 }
 
 /// What further objects of its R_PDO are sent.

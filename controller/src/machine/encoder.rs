@@ -1,10 +1,11 @@
 //! `[[encoder]]`: devices that tell where an axis is and do not move it, and `feedback`, by which an
 //! axis names one. One that is `measured` is on a shaft of its own.
 
+use super::files::Files;
 use super::node::NodeTable;
 use super::read::unknown;
 use super::{Axis, Machine, Motion};
-use std::{ops::Range, path::Path, time::Duration};
+use std::{ops::Range, time::Duration};
 use syncline_canopen::NodeId;
 use syncline_drives::model::{Assumed, Direction, Increments, Model, Scaling, Setpoints, Write};
 use syncline_strict_toml::{Log, Table};
@@ -61,8 +62,12 @@ pub(super) struct EncoderTable {
 }
 
 impl EncoderTable {
-    pub(super) fn read(log: &mut Log<'_>, folder: &Path, mut table: Table<'_, '_>) -> Option<Self> {
-        let node = NodeTable::read(log, folder, &mut table, "encoder", Model::is_encoder);
+    pub(super) fn read(
+        log: &mut Log<'_>,
+        files: &mut Files,
+        mut table: Table<'_, '_>,
+    ) -> Option<Self> {
+        let node = NodeTable::read(log, files, &mut table, "encoder", Model::is_encoder);
         let unit = "(mm or degrees that the axis moves for one turn of the encoder's shaft)";
         let pitch = table.positive(log, "pitch", unit);
         let direction = super::read::direction(log, &mut table);

@@ -1,7 +1,7 @@
 //! `[[io]]`: devices that have inputs and outputs and nothing else.
 
+use super::files::Files;
 use super::node::NodeTable;
-use std::path::Path;
 use syncline_canopen::NodeId;
 use syncline_drives::model::{Model, Write};
 use syncline_strict_toml::{Log, Table};
@@ -30,8 +30,12 @@ pub(super) struct IoTable {
 }
 
 impl IoTable {
-    pub(super) fn read(log: &mut Log<'_>, folder: &Path, mut table: Table<'_, '_>) -> Option<Self> {
-        let node = NodeTable::read(log, folder, &mut table, "io", Model::is_io);
+    pub(super) fn read(
+        log: &mut Log<'_>,
+        files: &mut Files,
+        mut table: Table<'_, '_>,
+    ) -> Option<Self> {
+        let node = NodeTable::read(log, files, &mut table, "io", Model::is_io);
         let inputs = table.choice_or(log, "inputs", "sync", ["sync", "event"].into_iter());
         table.finish(log);
         Some(Self {

@@ -8,6 +8,7 @@ mod cutting;
 mod dc_bus;
 mod described;
 mod encoder;
+mod files;
 mod fits;
 mod homing;
 mod io_node;
@@ -117,9 +118,9 @@ pub struct Machine {
     pub user_codes: Vec<UserCode>,
     /// What the file says: each value by its table and its key, a number or none.
     pub values: Vec<(String, String, Option<f64>)>,
-    /// The files that describe its devices, in the order of the file, each once: a description, then its data sheet; behind
-    /// them the one with the forces upon the tool.
-    pub descriptions: Vec<PathBuf>,
+    /// All files that were read because its own names them, in the order of the file, each once: of each device that is
+    /// described a description, then its data sheet; behind them the one with the forces upon the tool.
+    pub files: Vec<PathBuf>,
     assumptions: Vec<(&'static Model, Assumed)>,
 }
 
@@ -452,6 +453,13 @@ impl Machine {
     #[must_use]
     pub fn is_cutting(&self) -> bool {
         !self.cuts.is_empty() || self.path_forces.is_some()
+    }
+
+    /// All files that its own names, to be read or to be run.
+    pub fn named_files(&self) -> impl Iterator<Item = &Path> {
+        let commands = self.user_codes.iter().flat_map(|it| &it.command);
+        let programs = commands.map(Path::new).filter(|it| it.is_absolute());
+        self.files.iter().map(PathBuf::as_path).chain(programs)
     }
 
     /// All devices: the drives of axes, behind them the encoders, behind those the I/O nodes, behind all the drive of

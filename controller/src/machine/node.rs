@@ -1,9 +1,10 @@
 //! What stands in the tables of all devices: a name, a place on a bus, a model, objects to write.
 
 use super::described::{self, Described};
+use super::files::Files;
 use super::read::{BusTable, name, unknown};
 use super::{Drive, Encoder, IoNode, SpindleDrive};
-use std::{collections::BTreeMap, ops::Range, path::Path, time::Duration};
+use std::{collections::BTreeMap, ops::Range, time::Duration};
 use syncline_canopen::{Address, NodeId};
 use syncline_drives::model::{Data, MODELS, Model, Scaling, Write};
 use syncline_strict_toml::{Log, Table, integer};
@@ -108,11 +109,11 @@ pub(super) struct NodeTable {
 }
 
 impl NodeTable {
-    /// Reads the keys that every `kind` of device has; its models are those `of_kind`, and what files in `folder`
+    /// Reads the keys that every `kind` of device has; its models are those `of_kind`, and what `files`
     /// describe.
     pub(super) fn read(
         log: &mut Log<'_>,
-        folder: &Path,
+        files: &mut Files,
         table: &mut Table<'_, '_>,
         kind: &'static str,
         of_kind: fn(&Model) -> bool,
@@ -121,7 +122,7 @@ impl NodeTable {
         let bus = table.text(log, "bus", "the `name` of a [[bus]]", |_| true);
         let node = table.integer(log, "node", 1..=127, "");
         let (model, described) = if table.has_text("model", described::is_file) {
-            let described = described::read(log, folder, table, of_kind);
+            let described = described::read(log, files, table, of_kind);
             described.map_or((None, None), |(model, of)| (Some(model), Some(of)))
         } else {
             let models = MODELS.iter().filter(|model| of_kind(model));

@@ -1,8 +1,9 @@
 //! `forces` in `[simulation]`: the force on the tool along the path of a program, from a file that something else has measured or
 //! computed.
 
+use super::files::Files;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use syncline_strict_toml::{Log, Table, input};
 
 /// The first line of such a file: distance along the path, mm, and the force along X, Y and Z of the machine, N.
@@ -41,15 +42,15 @@ impl PathForces {
     }
 }
 
-/// The forces that a table names, in a file that is named from this folder.
+/// The forces that a table names.
 pub(super) fn read(
     log: &mut Log<'_>,
-    folder: &Path,
+    files: &mut Files,
     table: &mut Table<'_, '_>,
 ) -> Option<PathForces> {
     let allowed = "a CSV file with the columns path_mm,x_n,y_n,z_n";
     let name = table.text_if(log, "forces", allowed, |it| !it.is_empty())?;
-    let file = folder.join(name.get_ref());
+    let file = files.named(name.get_ref());
     let lines = input::lines(&file).map_err(|why| why.to_string());
     match lines.and_then(points) {
         Ok(points) => Some(PathForces { file, points }),

@@ -6,6 +6,7 @@ use super::axis::AxisTable;
 use super::dc_bus::{self, DcBusTable};
 use super::described;
 use super::encoder::{self, EncoderTable};
+use super::files::Files;
 use super::fits::{self, Pairing};
 use super::homing::{self, HomingTable};
 use super::io_node::IoTable;
@@ -36,16 +37,18 @@ pub(crate) const TURN: f64 = 360.0;
 
 pub(super) fn machine(folder: &Path, source: &str) -> Result<Machine, Vec<Diagnostic>> {
     let mut log = Log::new(source);
+    let mut files = Files::of(folder);
     let document = syncline_strict_toml::parse(&mut log, source);
     let machine = log
         .is_empty()
-        .then(|| Tables::read(&mut log, folder, document.get_ref()))
+        .then(|| Tables::read(&mut log, &mut files, document.get_ref()))
         .flatten()
         .filter(|_| log.is_empty())
         .and_then(|tables| tables.join(&mut log));
     match machine {
         Some(machine) if log.is_empty() => Ok(Machine {
             values: syncline_strict_toml::values(document.get_ref()),
+            files: files.into_all(),
             ..machine
         }),
         _ => Err(log.into_diagnostics()),
@@ -80,7 +83,7 @@ struct Tables {
 }
 
 impl Tables {
-    fn read(log: &mut Log<'_>, folder: &Path, document: &DeTable<'_>) -> Option<Self> {
+    fn read(log: &mut Log<'_>, files: &mut Files, document: &DeTable<'_>) -> Option<Self> {
         let mut file = Table::new("machine file", 0..0, document);
         let machine = file.table(log, "machine", true);
         let controller = file.table(log, "controller", false);
@@ -116,14 +119,14 @@ impl Tables {
         let buses: Vec<_> = buses.into_iter().map(|t| BusTable::read(log, t)).collect();
         let drives: Vec<_> = drives
             .into_iter()
-            .map(|t| DriveTable::read(log, folder, t))
+            .map(|t| DriveTable::read(log, files, t))
             .collect();
         let encoders: Vec<_> = encoders
             .into_iter()
-            .map(|t| EncoderTable::read(log, folder, t))
+            .map(|t| EncoderTable::read(log, files, t))
             .collect();
         let io_nodes: Vec<_> =
-            (io_nodes.into_iter().map(|t| IoTable::read(log, folder, t))).collect();
+            (io_nodes.into_iter().map(|t| IoTable::read(log, files, t))).collect();
         let axes: Vec<_> = axes.into_iter().map(|t| AxisTable::read(log, t)).collect();
         let spindle = spindle.and_then(|table| spindle::read(log, table));
         let homing = homing.unwrap_or_else(|| Table::new("homing", 0..0, &empty));
@@ -133,7 +136,7 @@ impl Tables {
         let mut path_forces = None;
         let mut dc_buses = Vec::new();
         let touched = simulation.and_then(|mut table| {
-            path_forces = path_forces::read(log, folder, &mut table);
+            path_forces = path_forces::read(log, files, &mut table);
             dc_buses = dc_bus::read(log, &mut table);
             probing::simulated(log, table, &mut cuts)
         });
@@ -193,8 +196,6 @@ impl Tables {
         let devices = drives.chain(encoders).chain(io_nodes);
         let devices: Vec<_> = devices.chain(turning.iter().map(|it| &it.node)).collect();
         let described = described::models(log, &devices);
-        let mut descriptions = described::files(&devices);
-        descriptions.extend(self.path_forces.iter().map(|it| it.file.clone()));
         let bus_of = node::places(log, &devices, &self.buses, &self.cycle, controller.node);
 
         self.assumptions.extend(described);
@@ -320,7 +321,7 @@ impl Tables {
             analog_outputs,
             user_codes: UserCodeTable::join(log, self.user_codes),
             values: Vec::new(),
-            descriptions,
+            files: Vec::new(),
             assumptions: self.assumptions,
         };
         fits::settle_motions(log, &mut machine, &motions, &named);
@@ -544,8 +545,8 @@ pub(super) struct DriveTable {
 }
 
 impl DriveTable {
-    fn read(log: &mut Log<'_>, folder: &Path, mut table: Table<'_, '_>) -> Option<Self> {
-        let node = NodeTable::read(log, folder, &mut table, "drive", Model::is_drive);
+    fn read(log: &mut Log<'_>, files: &mut Files, mut table: Table<'_, '_>) -> Option<Self> {
+        let node = NodeTable::read(log, files, &mut table, "drive", Model::is_drive);
         let direction = direction(log, &mut table);
         let (least, most) = (i64::from(i32::MIN), i64::from(i32::MAX));
         let zero = table.integer_or(log, "zero", 0, least..=most, " (increments)");

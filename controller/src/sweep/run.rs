@@ -104,7 +104,7 @@ pub struct Runs {
     program: PathBuf,
     plan: Plan,
     numbers: Vec<(String, Number)>,
-    descriptions: Vec<PathBuf>,
+    files: Vec<PathBuf>,
 }
 
 impl Runs {
@@ -113,14 +113,14 @@ impl Runs {
     /// # Errors
     /// The machine file is wrong; also with the first value of one of the keys, the others as the file has them.
     pub fn new(machine: PathBuf, program: PathBuf, plan: Plan) -> Result<Self, MachineError> {
-        let mut descriptions = Vec::new();
+        let mut files = Vec::new();
         for sample in plan.samples() {
-            descriptions.extend(Machine::load_with(&machine, &[sample])?.descriptions);
+            files.extend(Machine::load_with(&machine, &[sample])?.files);
         }
         let named = Machine::load(&machine)?;
-        descriptions.extend_from_slice(&named.descriptions);
-        descriptions.sort();
-        descriptions.dedup();
+        files.extend_from_slice(&named.files);
+        files.sort();
+        files.dedup();
         let mut numbers: Vec<_> = OF_RUN
             .map(|(number, of)| (number.to_owned(), Number::Run(of)))
             .into();
@@ -148,14 +148,14 @@ impl Runs {
             program,
             plan,
             numbers,
-            descriptions,
+            files,
         })
     }
 
-    /// The files that describe the machine's devices, also with the first value of one of the keys.
+    /// The files that the machine was read from beside its own, also with the first value of one of the keys.
     #[must_use]
-    pub fn descriptions(&self) -> &[PathBuf] {
-        &self.descriptions
+    pub fn files(&self) -> &[PathBuf] {
+        &self.files
     }
 
     /// Which values each run has.

@@ -6,6 +6,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 use syncline_controller::bus_log::candump::Line;
+use syncline_controller::campaign::Case;
 use tempfile::TempDir;
 
 /// A folder with a short program, which every command here runs in.
@@ -265,6 +266,113 @@ fn inputs_are_not_written_over() {
     }
     let kept = fs::read_to_string(place.path().join("part.ngc")).unwrap();
     assert_eq!(kept, called);
+}
+
+/// Nor is anything that a machine file names, or that an option has read, however its name is spelt.
+#[test]
+fn nothing_that_is_read_is_written_over() {
+    let place = Place::new();
+    let path = |name: &str| place.path().join(name);
+    let example = root().join("examples/described");
+    for name in ["servo.toml", "servo.eds"] {
+        fs::copy(example.join(name), path(name)).unwrap();
+    }
+    let script = path("script").display().to_string();
+    let machine = fs::read_to_string(example.join("machine.toml")).unwrap();
+    let machine = format!(
+        "{machine}\n[simulation]\nforces = \"forces.csv\"\n\n[[user_code]]\ncode = 100\ncommand = [\"/bin/sh\", \"{script}\"]\n"
+    );
+    fs::write(path("all.toml"), machine).unwrap();
+    let forces = "path_mm,x_n,y_n,z_n\n0,0,0,0\n1,0,0,0\n";
+    fs::write(path("forces.csv"), forces).unwrap();
+    fs::write(&script, "exit 0\n").unwrap();
+    fs::write(path("moves.csv"), "t,X\n0,0\n0.002,0\n0.004,0\n").unwrap();
+    fs::write(path("at.events"), "t_s,event,value\n0,feed_override,50\n").unwrap();
+    let vary = "method = \"grid\"\n[[vary]]\nkey = \"axis.X.max_jerk\"\nvalues = [30_000.0]\n";
+    fs::write(path("vary.toml"), vary).unwrap();
+    let case = serde_json::to_string(&Case::of(1)).unwrap();
+    fs::write(path("case.json"), case).unwrap();
+    fs::create_dir(path("sub")).unwrap();
+
+    let by_machine = ["servo.toml", "servo.eds", "forces.csv", "script"];
+    let mut cases: Vec<(&str, &str, &str, &str)> = Vec::new();
+    for file in by_machine {
+        let what = "a file that the machine file names";
+        for (command, option) in [
+            ("validate all.toml short.ngc", "--json"),
+            ("validate all.toml short.ngc", "--trace"),
+            ("validate all.toml short.ngc", "--report"),
+            ("validate all.toml short.ngc", "--candump"),
+            ("validate all.toml short.ngc", "--pcapng"),
+            ("validate all.toml short.ngc", "--commands"),
+            ("validate all.toml --events at.events", "--json"),
+            ("validate all.toml --trajectory moves.csv", "--json"),
+            ("run all.toml short.ngc", "--json"),
+            ("run all.toml short.ngc", "--commands"),
+            ("console all.toml --lines", "--candump"),
+            ("sweep all.toml short.ngc --vary vary.toml", "--csv"),
+            ("identify all.toml --axis X --rated-torque 1", "--json"),
+            ("identify all.toml --axis X --rated-torque 1", "--write-log"),
+            ("compare all.toml moves.csv --program short.ngc", "--json"),
+        ] {
+            cases.push((command, option, what, file));
+        }
+    }
+    cases.extend([
+        ("campaign --case case.json", "--json", "--case", "case.json"),
+        (
+            "campaign --case case.json",
+            "--candump",
+            "--case",
+            "case.json",
+        ),
+        (
+            "sweep all.toml short.ngc --vary vary.toml",
+            "--csv",
+            "--vary",
+            "vary.toml",
+        ),
+        (
+            "identify all.toml --axis X --rated-torque 1 --log moves.csv",
+            "--json",
+            "--log",
+            "moves.csv",
+        ),
+        (
+            "validate all.toml --trajectory moves.csv",
+            "--json",
+            "--trajectory",
+            "moves.csv",
+        ),
+        (
+            "validate all.toml short.ngc --events at.events",
+            "--json",
+            "--events",
+            "at.events",
+        ),
+    ]);
+    for (command, option, what, file) in cases {
+        let before = fs::read(path(file)).unwrap();
+        for link in ["link", "hard"] {
+            let _ = fs::remove_file(path(link));
+        }
+        std::os::unix::fs::symlink(file, path("link")).unwrap();
+        fs::hard_link(path(file), path("hard")).unwrap();
+        let spelt = [
+            file.to_owned(),
+            format!("sub/../{file}"),
+            path(file).display().to_string(),
+            "link".to_owned(),
+            "hard".to_owned(),
+        ];
+        for name in spelt {
+            place.refused(
+                &format!("{command} {option} {name}"),
+                &format!("{what} and {option} are both {name}: give each a file of its own"),
+            );
+            assert_eq!(fs::read(path(file)).unwrap(), before, "{command} {option}");
+        }
+    }
 }
 
 /// A line that does not end is not read to its end, nor is a file.

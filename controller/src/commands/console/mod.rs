@@ -85,7 +85,7 @@ impl Args {
         let tables = Tables::beside(&self.machine);
         Tables::probe(&tables)?;
         let programs = Programs::new(&machine, &self.machine)?.keep_tables(tables.clone());
-        let mut claims = Claims::of_machine(&self.machine);
+        let mut claims = Claims::of_machine(&self.machine, &machine);
         let logs = self.log.open(&mut claims)?;
         let commands = self.commands.open(&mut claims)?;
         let Buses {
