@@ -1,5 +1,6 @@
 //! What is wrong with a file, and where.
 
+use super::rest::{Gaps, Rest};
 use std::{fmt, ops::Range, path::PathBuf};
 use thiserror::Error;
 
@@ -38,7 +39,7 @@ impl Diagnostic {
 }
 
 /// The start of the character that `index` is in, or the end.
-fn char_start(source: &str, index: usize) -> usize {
+pub(crate) fn char_start(source: &str, index: usize) -> usize {
     let mut at = index.min(source.len());
     while !source.is_char_boundary(at) {
         at -= 1;
@@ -91,6 +92,7 @@ impl fmt::Display for Invalid {
 pub struct Log<'s> {
     source: &'s str,
     found: Vec<(usize, Diagnostic)>,
+    gaps: Gaps,
 }
 
 impl<'s> Log<'s> {
@@ -99,7 +101,36 @@ impl<'s> Log<'s> {
         Self {
             source,
             found: Vec::new(),
+            gaps: Gaps::default(),
         }
+    }
+
+    /// Nothing is wrong yet with what is left of a file, whose whole text is `source`, but for the lines of it that are no
+    /// TOML either.
+    pub fn of_rest(source: &'s str, rest: &Rest) -> Self {
+        let mut log = Self {
+            gaps: rest.gaps().clone(),
+            ..Self::new(source)
+        };
+        for (span, why) in rest.hidden() {
+            log.report(span.clone(), format!("not TOML: {why}"), super::TOML);
+        }
+        log
+    }
+
+    /// Whether that key of the table whose header is there is missing because its line was left out.
+    pub(crate) fn is_left_out(&self, table: &Range<usize>, key: &str) -> bool {
+        self.gaps.has(table, key)
+    }
+
+    /// Whether one of those keys was left out of any table, or a whole table.
+    pub fn lacks(&self, keys: &[&str]) -> bool {
+        self.gaps.any(keys)
+    }
+
+    /// Adds what is wrong with what is left of the same file.
+    pub fn append(&mut self, rest: Log<'_>) {
+        self.found.extend(rest.found);
     }
 
     /// Adds a mistake at a place, given in bytes of the text.

@@ -40,11 +40,13 @@
 mod diagnostic;
 pub mod input;
 pub mod replace;
+mod rest;
 mod set;
 mod table;
 mod values;
 
 pub use diagnostic::{Diagnostic, Invalid, Log};
+pub use rest::Rest;
 pub use set::{SetError, set};
 pub use table::{Found, Table, integer, nearest, one_of};
 pub use values::values;
@@ -56,6 +58,9 @@ use toml::de::DeTable;
 
 /// Bytes that a file may have: thousands of tables.
 const LONGEST: u64 = 1 << 20;
+
+/// What a line of such a file may be.
+const TOML: &str = "allowed: tables, keys and values as on https://toml.io";
 
 /// Reads a file's text.
 ///
@@ -91,7 +96,7 @@ pub fn parse<'s>(log: &mut Log<'_>, source: &'s str) -> Spanned<DeTable<'s>> {
                 told_with = end_of_table(source, place.start, name);
                 format!("allowed: each table once; `[[{name}]]` where it is one of several")
             }
-            None => "allowed: tables, keys and values as on https://toml.io".to_owned(),
+            None => TOML.to_owned(),
         };
         log.report(place, told, allowed);
     }

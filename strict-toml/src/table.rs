@@ -519,7 +519,7 @@ impl<'a, 'i> Table<'a, 'i> {
             );
         }
         for (key, allowed) in self.missing {
-            if !misspelt.contains(&key) {
+            if !misspelt.contains(&key) && !log.is_left_out(&self.span, key) {
                 log.report(
                     self.span.clone(),
                     format!("{}: missing key `{key}`", self.title),

@@ -141,7 +141,16 @@ impl AxisTable {
             })
         };
         let limits = limits();
-        let homing = homing::read(log, &mut table, &limits.unwrap_or_default(), rotary);
+        // What homing keeps to, where one of them is wrong: the others.
+        let known = limits.unwrap_or(AxisLimits {
+            position: (soft_limits.as_ref())
+                .map_or((f64::NEG_INFINITY, f64::INFINITY), |it| *it.get_ref()),
+            velocity: max_velocity
+                .as_ref()
+                .map_or(f64::INFINITY, |it| *it.get_ref()),
+            ..AxisLimits::default()
+        });
+        let homing = homing::read(log, &mut table, &known, rotary);
         let limit_switches = LimitTable::read(log, &mut table);
         let feedback = FeedbackTable::read(log, &mut table, position);
         let stops = ["hardware"].into_iter();
@@ -153,7 +162,7 @@ impl AxisTable {
             &mut table,
             simulation::Simulated::Axis { rotary, pair },
         );
-        if let (Some(pitch), true) = (&pitch, log.is_empty())
+        if let Some(pitch) = &pitch
             && !(pitch.get_ref() / gear).is_normal()
         {
             let problem = format!("{}: `pitch` / `gear` is no usable number", table.title);

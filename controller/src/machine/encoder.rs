@@ -2,6 +2,7 @@
 //! axis names one. One that is `measured` is on a shaft of its own.
 
 use super::files::Files;
+use super::names;
 use super::node::NodeTable;
 use super::read::unknown;
 use super::{Axis, Machine, Motion};
@@ -206,7 +207,7 @@ pub(super) fn assign<'t>(
     axes: impl Iterator<Item = (String, Option<&'t FeedbackTable>)>,
 ) -> Vec<Option<usize>> {
     let mut axis_of: Vec<Option<usize>> = vec![None; encoders.len()];
-    let mut misnamed = false;
+    let mut wrong = Vec::new();
     for (index, (title, feedback)) in axes.enumerate() {
         let Some(FeedbackTable { name, .. }) = feedback else {
             continue;
@@ -240,10 +241,16 @@ pub(super) fn assign<'t>(
                 continue;
             }
         }
-        misnamed = true;
+        wrong.push(name.get_ref().as_str());
     }
-    for (encoder, axis) in encoders.iter().zip(&axis_of) {
-        if axis.is_none() && encoder.measured.is_none() && !misnamed {
+    let unused = encoders
+        .iter()
+        .zip(&axis_of)
+        .filter(|(encoder, axis)| axis.is_none() && encoder.measured.is_none());
+    let unused = unused.map(|(encoder, _)| encoder.node.name.get_ref().as_str());
+    let unused = names::not_meant(unused.collect(), wrong);
+    for encoder in encoders {
+        if unused.contains(&encoder.node.name.get_ref().as_str()) {
             log.report(
                 encoder.node.name.span(),
                 format!("{}: no axis names it", encoder.node.title()),

@@ -9,6 +9,7 @@ pub(super) mod test_move;
 pub use hard_stop::HardStopSearch;
 pub use test_move::TestMove;
 
+use super::names;
 use super::signals::{Input, InputMeaning};
 
 use super::simulation::{number, number_or};
@@ -587,6 +588,7 @@ pub(super) fn join(
 ) {
     // By input: the last axis that has it, and in which order.
     let mut users: Vec<Option<(usize, u32)>> = vec![None; inputs.len()];
+    let mut wrong = Vec::new();
     for (axis, table) in tables.into_iter().enumerate() {
         let Some(HomingTable {
             mut homing,
@@ -613,6 +615,7 @@ pub(super) fn join(
             }
             for switch in switches.get_ref() {
                 let Some(input) = home_input(log, &axes[axis], switch, (inputs, search)) else {
+                    wrong.push(switch.get_ref().clone());
                     continue;
                 };
                 search.inputs.push(input);
@@ -640,8 +643,11 @@ pub(super) fn join(
         }
         axes[axis].homing = homing;
     }
-    for ((input, place), user) in inputs.iter().zip(places).zip(&users) {
-        if input.meaning == InputMeaning::Home && user.is_none() {
+    let unused = inputs.iter().zip(&users);
+    let unused = unused.filter(|(it, user)| it.meaning == InputMeaning::Home && user.is_none());
+    let unused = names::not_meant(unused.map(|(it, _)| it.name.as_str()).collect(), wrong);
+    for (input, place) in inputs.iter().zip(places) {
+        if unused.contains(&input.name.as_str()) {
             log.report(
                 place.clone(),
                 format!("input \"{}\": no axis is homed by it", input.name),

@@ -13,6 +13,7 @@ mod fits;
 mod homing;
 mod io_node;
 mod limit_inputs;
+mod names;
 mod node;
 mod path_forces;
 mod probing;

@@ -2,7 +2,7 @@
 
 use super::described::{self, Described};
 use super::files::Files;
-use super::read::{BusTable, name, unknown};
+use super::read::{BusTable, name};
 use super::{Drive, Encoder, IoNode, SpindleDrive};
 use std::{collections::BTreeMap, ops::Range, time::Duration};
 use syncline_canopen::{Address, NodeId};
@@ -154,13 +154,10 @@ impl NodeTable {
         format!("{} \"{}\"", self.kind, self.name.get_ref())
     }
 
-    fn resolve_bus(&self, log: &mut Log<'_>, buses: &[BusTable]) -> Option<usize> {
-        let names = buses.iter().map(|bus| bus.name.get_ref().as_str());
-        let found = names.clone().position(|name| name == self.bus.get_ref());
-        if found.is_none() {
-            unknown(log, &self.title(), "bus", &self.bus, names);
-        }
-        found
+    /// The place of its bus among them, which names have told to be there.
+    fn resolve_bus(&self, buses: &[BusTable]) -> Option<usize> {
+        let mut names = buses.iter().map(|bus| bus.name.get_ref());
+        names.position(|name| name == self.bus.get_ref())
     }
 
     /// Whether the device takes the machine's cycle.
@@ -233,7 +230,7 @@ pub(super) fn places(
     controller: NodeId,
 ) -> Vec<Option<usize>> {
     let bus_of: Vec<_> = (devices.iter())
-        .map(|device| device.resolve_bus(log, buses))
+        .map(|device| device.resolve_bus(buses))
         .collect();
     let mut nodes = BTreeMap::new();
     for (device, bus) in devices.iter().zip(&bus_of) {

@@ -1,6 +1,7 @@
-//! From a machine file's text to a [`Machine`], in three stages: TOML; each table on its own; how
-//! they fit together. Each stage reports all it finds, and the next starts only on what is clean,
-//! so that one mistake does not cause complaints about another thing.
+//! From a machine file's text to a [`Machine`], in two stages, each of which reports all it finds: what is no TOML, each
+//! table on its own, and names; then how tables fit together. The second starts only on what is clean, and of a table of
+//! which a line is no TOML the rest is judged as if the line had a wrong value, so that one mistake does not cause
+//! complaints about another thing. So a person hears of all mistakes in two rounds at most.
 
 use super::axis::AxisTable;
 use super::dc_bus::{self, DcBusTable};
@@ -11,6 +12,7 @@ use super::fits::{self, Pairing};
 use super::homing::{self, HomingTable};
 use super::io_node::IoTable;
 use super::limit_inputs;
+use super::names;
 use super::node::{self, NodeTable, node_id};
 use super::path_forces;
 use super::probing;
@@ -28,7 +30,7 @@ use std::{collections::BTreeMap, ops::Range, path::Path, time::Duration};
 use syncline_canopen::BIT_RATES;
 use syncline_drives::model::{Assumed, Direction, Increments, MODELS, Model, Scaling};
 use syncline_gcode as gcode;
-use syncline_strict_toml::{Diagnostic, Log, Table, nearest, one_of};
+use syncline_strict_toml::{Diagnostic, Log, Rest, Table, nearest, one_of};
 use syncline_trajectory::shaper::Shaper;
 use toml::{Spanned, de::DeTable};
 
@@ -39,10 +41,16 @@ pub(super) fn machine(folder: &Path, source: &str) -> Result<Machine, Vec<Diagno
     let mut log = Log::new(source);
     let mut files = Files::of(folder);
     let document = syncline_strict_toml::parse(&mut log, source);
-    let machine = log
-        .is_empty()
-        .then(|| Tables::read(&mut log, &mut files, document.get_ref()))
-        .flatten()
+    if !log.is_empty() {
+        if let Some(rest) = Rest::of(source) {
+            let mut of_rest = Log::of_rest(source, &rest);
+            let document = syncline_strict_toml::parse(&mut of_rest, rest.text());
+            Tables::read(&mut of_rest, &mut files, document.get_ref());
+            log.append(of_rest);
+        }
+        return Err(log.into_diagnostics());
+    }
+    let machine = Tables::read(&mut log, &mut files, document.get_ref())
         .filter(|_| log.is_empty())
         .and_then(|tables| tables.join(&mut log));
     match machine {
@@ -84,6 +92,9 @@ struct Tables {
 
 impl Tables {
     fn read(log: &mut Log<'_>, files: &mut Files, document: &DeTable<'_>) -> Option<Self> {
+        if !log.lacks(names::KEYS) {
+            names::check(log, document);
+        }
         let mut file = Table::new("machine file", 0..0, document);
         let machine = file.table(log, "machine", true);
         let controller = file.table(log, "controller", false);
@@ -176,14 +187,6 @@ impl Tables {
 
     /// Checks what concerns several tables, and resolves names.
     fn join(mut self, log: &mut Log<'_>) -> Option<Machine> {
-        unique(log, "bus", self.buses.iter().map(|bus| &bus.name));
-        let drives = self.drives.iter().map(|drive| &drive.node);
-        let encoders = self.encoders.iter().map(|encoder| &encoder.node);
-        unique(log, "drive", drives.clone().map(|drive| &drive.name));
-        unique(log, "encoder", encoders.clone().map(|it| &it.name));
-        let io_nodes = self.io_nodes.iter().map(|io| &io.node);
-        unique(log, "io", io_nodes.clone().map(|it| &it.name));
-        unique(log, "axis", self.axes.iter().map(|axis| &axis.name));
         let cycle = Duration::from_micros(*self.cycle.get_ref() as u64);
         let controller = self.controller.join(log, cycle);
 
@@ -344,28 +347,17 @@ impl Tables {
 
     /// Takes the drive of the spindle out of those of axes.
     fn take_spindle_drive(&mut self, log: &mut Log<'_>) -> Option<DriveTable> {
-        let axes = &self.axes;
-        let moved = |drive: &str| {
-            let names =
-                |axis: &&AxisTable| axis.drives.get_ref().iter().any(|it| it.get_ref() == drive);
-            axes.iter().find(names).map(AxisTable::title)
-        };
-        (self.spindle.as_ref()).and_then(|it| it.take_drive(log, &mut self.drives, moved))
+        (self.spindle.as_ref()).and_then(|it| it.take_drive(log, &mut self.drives))
     }
 
-    /// The axis of each drive: exactly one.
+    /// The axis of each drive, which names have told to be exactly one.
     fn assign(&self, log: &mut Log<'_>) -> Vec<Option<usize>> {
         let mut axis_of = vec![None; self.drives.len()];
-        let mut misnamed = false;
         for (index, axis) in self.axes.iter().enumerate() {
             for name in axis.drives.get_ref() {
-                let names = self
-                    .drives
-                    .iter()
-                    .map(|drive| drive.node.name.get_ref().as_str());
-                let Some(drive) = names.clone().position(|other| other == name.get_ref()) else {
-                    unknown(log, &axis.title(), "drive", name, names);
-                    misnamed = true;
+                let mut drives = self.drives.iter();
+                let of = drives.position(|drive| drive.node.name.get_ref() == name.get_ref());
+                let Some(drive) = of else {
                     continue;
                 };
                 let DriveTable { node, .. } = &self.drives[drive];
@@ -381,28 +373,7 @@ impl Tables {
                         "allowed: a drive that does; this one can turn a spindle",
                     );
                 }
-                if let Some(other) = axis_of[drive].replace(index) {
-                    misnamed = true;
-                    log.report(
-                        name.span(),
-                        format!(
-                            "{}: drive \"{}\" already moves {}",
-                            axis.title(),
-                            name.get_ref(),
-                            self.axes[other].title()
-                        ),
-                        "allowed: each drive once",
-                    );
-                }
-            }
-        }
-        for (drive, axis) in self.drives.iter().zip(&axis_of) {
-            if axis.is_none() && !misnamed {
-                log.report(
-                    drive.node.name.span(),
-                    format!("{}: no axis names it", drive.node.title()),
-                    "name it in the `drives` of an [[axis]] or as the `drive` of [spindle], or remove it",
-                );
+                axis_of[drive] = Some(index);
             }
         }
         axis_of

@@ -7,7 +7,7 @@ pub use analog_input::AnalogInput;
 
 use analog_input::AnalogInputTable;
 
-use super::read::{name, unique, unknown};
+use super::read::{name, unknown};
 use super::{Drive, IoNode, Node, Spindle};
 use std::ops::Range;
 use std::time::Duration;
@@ -256,11 +256,9 @@ impl Wire {
                 ("io", first, io_nodes.iter().map(Node::from).collect())
             }
         };
-        let names = devices.iter().map(|device| device.name);
-        let Some(index) = names.clone().position(|name| name == self.device.get_ref()) else {
-            unknown(log, &self.title, kind, &self.device, names);
-            return None;
-        };
+        // Names have told that it is there.
+        let mut names = devices.iter().map(|device| device.name);
+        let index = names.position(|name| name == self.device.get_ref())?;
         let Node { name, model, .. } = devices[index];
         let known = signals(model).iter().copied();
         let place = known.clone().position(|name| name == self.signal.get_ref());
@@ -583,11 +581,7 @@ impl SignalTables {
                 "leave the input out: cuts wait for the speed that the drive measures",
             );
         }
-        unique(log, "output", self.outputs.iter().map(|it| &it.wire.name));
         check_enable_chain(log, &self.outputs);
-        let digital = self.inputs.iter().map(|table| &table.wire.name);
-        let analog = self.analog_inputs.iter().map(|table| &table.wire.name);
-        unique(log, "input", digital.chain(analog));
         let inputs = join_inputs(log, self.inputs, wiring);
         let mut signals = Signals {
             inputs,
@@ -728,9 +722,9 @@ fn join_inputs(log: &mut Log<'_>, tables: Vec<InputTable>, wiring: Wiring<'_>) -
         simulated,
     } in tables
     {
-        let Some((node, signal)) = wire.resolve(log, wiring, |model| model.inputs) else {
-            continue;
-        };
+        // One whose signal is not there is told, and keeps its name, by which others know it.
+        let place = wire.resolve(log, wiring, |model| model.inputs);
+        let (node, signal) = place.unwrap_or_default();
         let mut io_nodes = wiring.io_nodes.iter();
         let by_event =
             wire.of_io && io_nodes.any(|io| io.name == *wire.device.get_ref() && io.by_event);

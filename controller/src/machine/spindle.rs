@@ -1,6 +1,6 @@
 //! `[spindle]`: the speeds that a program may ask for, how long they take to come, and the drive that turns it.
 
-use super::read::{DriveTable, TURN, unknown};
+use super::read::{DriveTable, TURN};
 use super::simulation::Simulated;
 use super::{InputMeaning, Machine, Simulation, simulation};
 use std::ops::Range;
@@ -256,29 +256,15 @@ impl Turned {
 }
 
 impl SpindleTable {
-    /// Takes the drive that it names out of those of axes, some of which `moved` tells to be named by one.
+    /// Takes the drive that it names out of those of axes.
     pub(super) fn take_drive(
         &self,
         log: &mut Log<'_>,
         drives: &mut Vec<DriveTable>,
-        moved: impl Fn(&str) -> Option<String>,
     ) -> Option<DriveTable> {
         let name = &self.turned.as_ref()?.drive;
-        let names = drives
-            .iter()
-            .map(|drive| drive.node.name.get_ref().as_str());
-        let Some(place) = names.clone().position(|known| known == name.get_ref()) else {
-            unknown(log, "spindle", "drive", name, names);
-            return None;
-        };
-        if let Some(axis) = moved(name.get_ref()) {
-            log.report(
-                name.span(),
-                format!("spindle: drive \"{}\" already moves {axis}", name.get_ref()),
-                "allowed: a drive of its own",
-            );
-            return None;
-        }
+        let mut names = drives.iter().map(|drive| drive.node.name.get_ref());
+        let place = names.position(|known| known == name.get_ref())?;
         let drive = drives.remove(place);
         let (divider, span) = &drive.sync_divider;
         if *divider > 1 {

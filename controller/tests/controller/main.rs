@@ -29,6 +29,7 @@ mod read_ahead;
 mod reads;
 mod replay;
 mod report;
+mod rounds;
 mod simulated;
 mod sizes;
 mod stalled_peers;
