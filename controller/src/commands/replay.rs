@@ -112,6 +112,14 @@ impl Args {
         let (outcome, commands) = self.again(session, commands)?;
         let began = log.first().map_or(Instant::ZERO, |first| first.at);
         print(&outcome, &layout);
+        // By its first frame a run is found, which is the same whatever comes.
+        if outcome.difference.is_none() && outcome.same <= 1 {
+            return Err(BadLog(format!(
+                "{}: it ends with the controller's first frame: nothing is compared",
+                self.log.display()
+            ))
+            .into());
+        }
         if outcome.difference.is_none() && is_longer(&log, &outcome, &layout) {
             return Err(BadLog(format!(
                 "{}: what comes behind the run's end is not compared: give each run a log of its own",

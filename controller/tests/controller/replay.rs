@@ -168,6 +168,19 @@ fn what_is_not_compared_is_told() {
     );
 }
 
+/// A log that was cut off behind its first frame says nothing of a run, and is no run that is the same.
+#[test]
+fn a_log_of_which_nothing_is_compared_is_refused() {
+    let recorded = Recorded::validated();
+    for frames in [1, 5] {
+        let (code, text) = recorded.replay_with(|lines| lines.truncate(frames));
+        assert_eq!(code, 2, "{text}");
+        assert!(text.contains("nothing is compared"), "{text}");
+    }
+    let (code, text) = recorded.replay_with(|lines| lines.truncate(30));
+    assert_eq!(code, 0, "{text}");
+}
+
 #[test]
 fn what_differs_is_told_with_its_place() {
     let recorded = Recorded::validated();
