@@ -10,12 +10,18 @@ use crate::observe::trace::Sink;
 use std::error::Error;
 use std::fs::{self, File, Metadata};
 use std::io::{self, BufWriter, Write};
-use std::os::unix::fs::{FileTypeExt, MetadataExt};
+use std::os::unix::fs::{FileTypeExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
+use std::thread;
+use std::time::{Duration, Instant};
 use syncline_gcode::Tables;
 
 /// The option for JSON.
 const JSON: &str = "--json";
+
+/// For so long a pipe may have no reader before a command begins, and between two looks whether it has one.
+const READER: Duration = Duration::from_secs(5);
+const LOOK: Duration = Duration::from_millis(20);
 
 /// Why a command does not begin.
 #[derive(Debug, thiserror::Error)]
@@ -238,6 +244,15 @@ impl Target {
         let new = File::options().write(true).create_new(true).open(path);
         let (file, made) = match new {
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+                if path.metadata().is_ok_and(|it| it.file_type().is_fifo()) {
+                    let file = open_pipe(path)?;
+                    return Ok(Self {
+                        option,
+                        path: path.to_owned(),
+                        file: Some(file),
+                        made: None,
+                    });
+                }
                 let leads_nowhere = !path.exists();
                 let mut there = File::options();
                 there.write(true).create(true).truncate(false);
@@ -300,6 +315,39 @@ impl Target {
             let text = format!("cannot write {}: {source}", self.path.display());
             io::Error::new(source.kind(), text)
         })
+    }
+}
+
+/// Opens a named pipe once somebody reads it, which the kernel would wait for without an end.
+fn open_pipe(path: &Path) -> io::Result<File> {
+    let mut options = File::options();
+    options.write(true).custom_flags(libc::O_NONBLOCK);
+    let began = Instant::now();
+    let mut is_told = false;
+    loop {
+        let opened = options.open(path);
+        let nobody_reads = |error: &io::Error| error.raw_os_error() == Some(libc::ENXIO);
+        match opened {
+            Ok(file) => {
+                // From here on a slow reader is waited for.
+                rustix::io::ioctl_fionbio(&file, false)?;
+                return Ok(file);
+            }
+            Err(error) if !nobody_reads(&error) => return Err(error),
+            Err(_) if began.elapsed() > READER => {
+                let what = format!(
+                    "it is a pipe that nobody reads, for {} s: start its reader first",
+                    READER.as_secs()
+                );
+                return Err(io::Error::new(io::ErrorKind::NotConnected, what));
+            }
+            Err(_) => {}
+        }
+        if !is_told {
+            eprintln!("waits for a reader of {}", path.display());
+            is_told = true;
+        }
+        thread::sleep(LOOK);
     }
 }
 

@@ -3,8 +3,9 @@
 
 use crate::outside::{SYNCLINE, root};
 use std::fs;
+use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Stdio};
 use syncline_controller::bus_log::candump::Line;
 use syncline_controller::campaign::Case;
 use tempfile::TempDir;
@@ -494,6 +495,48 @@ fn no_file_fills_the_memory() {
     let (code, _, told) = place.run_in_little("check portal.toml short.ngc");
     assert_eq!(code, 2, "{told}");
     assert!(told.contains("a line of more than 1048576 bytes"), "{told}");
+}
+
+/// A pipe without a reader is told of and given up; one that is read after a while is written.
+#[test]
+fn a_pipe_that_nobody_reads_is_no_end_of_waiting() {
+    let place = Place::new();
+    let made = Command::new("mkfifo")
+        .arg(place.path().join("pipe"))
+        .status();
+    assert!(made.unwrap().success());
+    let (code, printed, told) = place.run(&format!("{VALIDATE} --json pipe"));
+    assert_eq!((code, &*printed), (2, ""), "{told}");
+    assert!(told.starts_with("waits for a reader of pipe\n"), "{told}");
+    assert!(told.contains("a pipe that nobody reads"), "{told}");
+
+    let mut command = Command::new(SYNCLINE);
+    let command = command.current_dir(place.path()).stderr(Stdio::piped());
+    let trace = format!("{VALIDATE} --trace pipe");
+    let mut written = command.args(trace.split_whitespace()).spawn().unwrap();
+    let mut told = BufReader::new(written.stderr.take().unwrap()).lines();
+    assert_eq!(told.next().unwrap().unwrap(), "waits for a reader of pipe");
+    let trace = fs::read_to_string(place.path().join("pipe")).unwrap();
+    assert!(written.wait().unwrap().success());
+    assert!(trace.lines().count() > 50, "{trace}");
+}
+
+/// Whatever could not be printed is told, also where the answer alone would have been no.
+#[test]
+fn what_cannot_be_printed_is_told() {
+    let place = Place::new();
+    for command in ["doctor", "doctor --json", "check portal.toml"] {
+        let full = fs::File::options().write(true).open("/dev/full").unwrap();
+        let mut syncline = Command::new(SYNCLINE);
+        syncline.current_dir(place.path()).stdout(full);
+        let output = syncline.args(command.split_whitespace()).output().unwrap();
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{command}: {told}");
+        assert!(
+            told.contains("cannot write standard output"),
+            "{command}: {told}"
+        );
+    }
 }
 
 /// Names do not command the terminal.
