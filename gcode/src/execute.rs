@@ -22,6 +22,7 @@ use super::names::is_signal;
 use super::parameters::{self, INPUT_RESULT, InputResult, Parameters};
 use super::saved::SavedModes;
 use super::spline::Nurbs;
+use super::tables::Places;
 use super::words::{Words, out_of_range};
 
 /// The least feed above 0, and what is as good as any greater one: no axis keeps up with it.
@@ -93,6 +94,8 @@ pub(crate) struct State {
     settings: Vec<(f64, f64)>,
     /// The stored points and rotations that the block sets: these take effect behind it.
     pub(crate) places: Vec<(usize, f64)>,
+    /// The values of the tables that blocks have set.
+    pub(crate) set: Places,
 }
 
 impl State {
@@ -117,6 +120,7 @@ impl State {
             stack: Vec::new(),
             settings: Vec::new(),
             places: Vec::new(),
+            set: Places::default(),
         }
     }
 

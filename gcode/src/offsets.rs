@@ -94,15 +94,18 @@ impl State {
             Code::G(282) => self.home(words, code, commands),
             Code::G(281) => {
                 self.setup.tables.g28 = self.noted();
+                self.note_set("G28");
                 Ok(())
             }
             Code::G(301) => {
                 self.setup.tables.g30 = self.noted();
+                self.note_set("G30");
                 Ok(())
             }
             Code::G(520 | 920) => self.shift(words, code),
             Code::G(921) => {
                 self.setup.tables.g92 = Point::ZERO;
+                self.note_set("G92");
                 self.g92_applies = false;
                 Ok(())
             }
@@ -120,6 +123,7 @@ impl State {
         }
         if !self.g92_applies {
             self.setup.tables.g92 = Point::ZERO;
+            self.note_set("G92");
             self.g92_applies = true;
         }
         let tables = &self.setup.tables;
@@ -127,6 +131,7 @@ impl State {
         let here = unshifted.to_program(self.noted());
         for axis in self.setup.axes.iter() {
             if let Some(value) = self.coordinate(words, axis, code)? {
+                self.set.reference("G92", axis);
                 self.setup.tables.g92[axis] = match code {
                     Code::G(520) => value,
                     _ => here[axis] - value,
@@ -134,6 +139,13 @@ impl State {
             }
         }
         Ok(())
+    }
+
+    /// Notes that all axes of a reference point were set.
+    fn note_set(&mut self, name: &'static str) {
+        for axis in self.setup.axes.iter() {
+            self.set.reference(name, axis);
+        }
     }
 
     /// The position as tables note it. An axis that no move has led away from where it stood at the start was
@@ -192,14 +204,22 @@ impl State {
                         tool.offset[axis] = place[axis];
                     } else if kind != 1 && without_tool.moved_by(given).contains(axis) {
                         tool.offset[axis] = measured[axis];
+                    } else {
+                        continue;
                     }
+                    self.set.tool(number, axis);
                 }
-                if let Some(radius) = words.take(b'R', code)? {
+                let radius = words.take(b'R', code)?;
+                let given_radius = radius.is_some();
+                if let Some(radius) = radius {
                     tool.diameter = 2.0 * radius * self.modes.unit();
                     if tool.diameter.abs() > 2.0 * RADIUS_LIMIT {
                         let fault = out_of_range('R', radius, "within 10 km");
                         return Err(words.refuse(b'R', fault));
                     }
+                }
+                if given_radius {
+                    self.set.diameter(number);
                 }
                 self.setup.tables.tools.insert(number, tool);
                 Ok(())
@@ -221,11 +241,13 @@ impl State {
             self.may_turn_work(degrees)
                 .map_err(|fault| words.refuse(b'R', fault))?;
             self.setup.tables.rotations[index] = degrees;
+            self.set.rotation(index);
         }
         if !by_position {
             let (place, given) = self.placed(Point::ZERO, words, code)?;
             for axis in given.iter() {
                 self.setup.tables.work_offsets[index][axis] = place[axis];
+                self.set.work(index, axis);
             }
             return Ok(());
         }
@@ -235,6 +257,7 @@ impl State {
         let moved = coordinates.turned(less(here, place));
         for axis in coordinates.moved_by(given).iter() {
             self.setup.tables.work_offsets[index][axis] += moved[axis];
+            self.set.work(index, axis);
         }
         Ok(())
     }

@@ -62,8 +62,15 @@ impl State {
         for (index, value) in std::mem::take(&mut self.places) {
             if let Some(work_offset) = State::rotation_of(index) {
                 self.setup.tables.rotations[work_offset] = value;
+                self.set.rotation(work_offset);
             } else if let Some((which, axis)) = State::stored(index) {
                 self.stored_point(&which)[axis] = value;
+                match which {
+                    Stored::G28 => self.set.reference("G28", axis),
+                    Stored::G30 => self.set.reference("G30", axis),
+                    Stored::G92 => self.set.reference("G92", axis),
+                    Stored::Work(index) => self.set.work(index, axis),
+                }
             }
         }
     }

@@ -20,6 +20,8 @@
 
 mod save;
 
+pub(crate) use save::Places;
+
 use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -227,7 +229,7 @@ impl Tables {
     /// Somebody else has changed one of these values too; the file cannot be read, or it, or the one
     /// beside it that is to replace it, cannot be written.
     pub fn save(&self, file: &Path, since: &Tables) -> Result<(), TablesError> {
-        save::save(file, since, self)
+        save::save(file, since, self, &Places::default())
     }
 }
 

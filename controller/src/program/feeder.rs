@@ -598,14 +598,11 @@ impl Feeder {
         (left, kept)
     }
 
-    /// Writes back the offsets and tools that the program changed.
+    /// Writes back the offsets and tools that the program set.
     ///
     /// # Errors
     /// The file cannot be written.
     pub fn save_tables(&self, file: &Path) -> Result<(), TablesError> {
-        if *self.interpreter.tables() == self.tables {
-            return Ok(());
-        }
-        self.interpreter.tables().save(file, &self.tables)
+        self.interpreter.save_tables(file, &self.tables)
     }
 }

@@ -1,14 +1,16 @@
 //! Writes what a program has set into the tables file as it is now.
 //!
 //! The file is a person's, and perhaps another run's: it is read again, comments, order and layout
-//! stay, and only values that the program has changed are written. One that somebody else has
-//! changed meanwhile too is nobody's to choose: then nothing is written, and the error names it.
+//! stay, and only values that the program has set are written, be they others than at the start or
+//! the same. One that somebody else has changed meanwhile is nobody's to choose: then nothing is
+//! written, and the error names it.
 //! A lock on the folder keeps two runs from doing this at once; the file is replaced as a whole, so
 //! that after a power cut it is the old one or the new one.
 
 use super::{ROTATION, Tables, TablesError, WORK_OFFSETS, read};
+use crate::Interpreter;
 use crate::axes::{AxisLetter, Point};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::fs::{self, File};
 use std::io;
@@ -31,8 +33,17 @@ pub(super) fn probe(file: &Path) -> Result<(), TablesError> {
     tried.map_err(|source| TablesError::Write { file: new, source })
 }
 
-/// Writes what is different in `after` from `before` into `file`.
-pub(super) fn save(file: &Path, before: &Tables, after: &Tables) -> Result<(), TablesError> {
+/// Writes what is different in `after` from `before`, and what was `set` in it, into `file`.
+pub(super) fn save(
+    file: &Path,
+    before: &Tables,
+    after: &Tables,
+    set: &Places,
+) -> Result<(), TablesError> {
+    let changes = Changes::between(before, after, set);
+    if changes.set.is_empty() {
+        return Ok(());
+    }
     let file = &real(file);
     let cannot_write = |source| TablesError::Write {
         file: file.to_owned(),
@@ -43,10 +54,57 @@ pub(super) fn save(file: &Path, before: &Tables, after: &Tables) -> Result<(), T
     let now = Tables::parse(file, &text)?;
     let broken = |error| cannot_write(io::Error::other(error));
     let mut document: DocumentMut = text.parse().map_err(broken)?;
-    let changes = Changes::between(before, after);
     changes.check(file, &Changes::values(&now))?;
     changes.write(&mut document);
-    replace(file, &document.to_string()).map_err(cannot_write)
+    match document.to_string() {
+        same if same == text => Ok(()),
+        changed => replace(file, &changed).map_err(cannot_write),
+    }
+}
+
+impl Interpreter {
+    /// Writes what the program has set in its [`tables`](Self::tables), which were `since` at its start, into their file, as
+    /// [`Tables::save`] does: also what it has set to the value that was there.
+    ///
+    /// # Errors
+    /// Somebody else has changed one of these values; the file cannot be read, or it, or the one beside it that is to
+    /// replace it, cannot be written.
+    pub fn save_tables(&self, file: &Path, since: &Tables) -> Result<(), TablesError> {
+        save(file, since, self.tables(), &self.state.set)
+    }
+}
+
+/// Values of tables that a program has set, be they others than before or the same.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Places(BTreeSet<(Row, Column)>);
+
+impl Places {
+    /// An axis of a work offset, 0 for G54.
+    pub(crate) fn work(&mut self, index: usize, axis: AxisLetter) {
+        self.0
+            .insert((Row::Work(WORK_OFFSETS[index]), Column::Axis(axis)));
+    }
+
+    /// By how much a work offset is turned.
+    pub(crate) fn rotation(&mut self, index: usize) {
+        self.0
+            .insert((Row::Work(WORK_OFFSETS[index]), Column::Rotation));
+    }
+
+    /// An axis of `G28`, `G30` or `G92`.
+    pub(crate) fn reference(&mut self, name: &'static str, axis: AxisLetter) {
+        self.0.insert((Row::Reference(name), Column::Axis(axis)));
+    }
+
+    /// An axis of a tool.
+    pub(crate) fn tool(&mut self, number: u32, axis: AxisLetter) {
+        self.0.insert((Row::Tool(number), Column::Axis(axis)));
+    }
+
+    /// The diameter of a tool.
+    pub(crate) fn diameter(&mut self, number: u32) {
+        self.0.insert((Row::Tool(number), Column::Diameter));
+    }
 }
 
 /// The file itself where `file` is a link to it.
@@ -107,7 +165,7 @@ struct Changes<'a> {
 }
 
 impl<'a> Changes<'a> {
-    fn between(before: &Tables, after: &'a Tables) -> Self {
+    fn between(before: &Tables, after: &'a Tables, explicit: &Places) -> Self {
         let new = after.tools.iter();
         let new = new
             .filter(|(number, tool)| !before.tools.contains_key(number) && !tool.name.is_empty());
@@ -119,10 +177,10 @@ impl<'a> Changes<'a> {
         // What is gone has become zero.
         let gone = before.keys().filter(|place| !after.contains_key(place));
         let gone = gone.map(|&place| (place, 0.0));
-        let set = set
-            .map(|(&place, &value)| (place, value))
-            .chain(gone)
-            .collect();
+        let set = set.map(|(&place, &value)| (place, value)).chain(gone);
+        let value = |place| after.get(place).copied().unwrap_or(0.0);
+        let explicit = explicit.0.iter().map(|place| (*place, value(place)));
+        let set = set.chain(explicit).collect();
         Self { before, set, names }
     }
 

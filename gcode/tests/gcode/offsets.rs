@@ -247,6 +247,48 @@ fn what_others_set_meanwhile_is_kept() {
     assert_eq!(Tables::load(&file).unwrap(), both);
 }
 
+/// A program that sets a value sets it also where it was the same at its start: what somebody else has set meanwhile is told,
+/// and a file that has it already stays as it is.
+#[test]
+fn a_value_that_is_set_to_what_it_was_is_set() {
+    let directory = tempfile::tempdir().unwrap();
+    let file = directory.path().join("portal.tables.toml");
+    let tables = "[work_offsets]\nG54 = { X = 400.0, R = 3.0 }\nG55 = { Y = 1.0 }\n\n[reference_points]\nG28 = { Z = 0.0 }\n\n\
+                  [[tool]]\nnumber = 1\ndiameter = 6.0\noffset = { Z = 52.0 }\n";
+    for (block, from, to, place) in [
+        ("G10 L2 P1 X400", "X = 400.0", "X = 7.0", "G54 X"),
+        ("G10 L2 P1 R3", "R = 3.0", "R = 4.0", "G54 R"),
+        ("G10 L2 P2 Z0", "Y = 1.0", "Y = 1.0, Z = 2.0", "G55 Z"),
+        ("#5242=1", "Y = 1.0", "Y = 2.0", "G55 Y"),
+        ("#5163=0", "Z = 0.0", "Z = 9.0", "G28 Z"),
+        ("G28.1", "Z = 0.0", "Z = 9.0", "G28 Z"),
+        ("G10 L1 P1 Z52", "Z = 52.0", "Z = 51.0", "tool 1 Z"),
+        (
+            "G10 L1 P1 R3",
+            "diameter = 6.0",
+            "diameter = 5.0",
+            "tool 1 diameter",
+        ),
+    ] {
+        std::fs::write(&file, tables).unwrap();
+        let before = Tables::load(&file).unwrap();
+        let mut setup = xyz();
+        setup.tables = before.clone();
+        let mut program = Interpreter::from_text("part.ngc", format!("{block}\nM2"), setup);
+        assert!(program.by_ref().all(|it| it.is_ok()), "{block}");
+        program.save_tables(&file, &before).unwrap();
+        assert_eq!(std::fs::read_to_string(&file).unwrap(), tables, "{block}");
+        let other = tables.replacen(from, to, 1);
+        std::fs::write(&file, &other).unwrap();
+        let error = program.save_tables(&file, &before).unwrap_err().to_string();
+        assert!(
+            error.contains(&format!(": {place} was ")),
+            "{block}: {error}"
+        );
+        assert_eq!(std::fs::read_to_string(&file).unwrap(), other, "{block}");
+    }
+}
+
 /// A link in the place of the new file leads nowhere, a link to the tables to the tables.
 #[test]
 fn saving_follows_no_planted_link() {
