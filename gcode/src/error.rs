@@ -509,8 +509,8 @@ pub enum Fault {
     DefinedTwice { label: String },
     #[error("there is no subroutine O{label}: define it in this file{elsewhere}")]
     NoSubroutine { label: String, elsewhere: String },
-    #[error("there is no subprogram O{number}: add it behind the end of the program")]
-    NoSubprogram { number: u32 },
+    #[error("there is no subprogram O{number}: add it behind the end of the program{packed}")]
+    NoSubprogram { number: u32, packed: String },
     #[error("the subprogram has no M99: add it")]
     NoSubprogramEnd,
     #[error("M99 ends subprograms of M98: write ENDSUB or RETURN here")]

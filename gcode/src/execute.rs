@@ -351,11 +351,12 @@ impl State {
             0 => commands.push_back(Action::Stop(Stop::Program)),
             1 => commands.push_back(Action::Stop(Stop::Optional)),
             98 => {
-                let allowed = "the number of a subprogram";
+                let allowed = "the number of a subprogram, a whole one up to 99999999";
                 let Some(number) = words.take_whole(b'P', code, 0..=99_999_999, allowed)? else {
                     return Err(missing(words, Group::Stopping, code, "P, the subprogram"));
                 };
-                let allowed = "a whole number of repetitions";
+                let allowed =
+                    "how often the subprogram is called, a whole number from 0 to 99999999";
                 let repeats = words.take_whole(b'L', code, 0..=99_999_999, allowed)?;
                 return Ok(Continuation::CallSubprogram {
                     number,

@@ -527,7 +527,11 @@ impl Interpreter {
                     None => self.search(start, &label, Statement::Program)?,
                     found => found,
                 };
-                found.ok_or_else(|| Refusal::new(columns, Fault::NoSubprogram { number }))?
+                let fault = || Fault::NoSubprogram {
+                    number,
+                    packed: packed(number),
+                };
+                found.ok_or_else(|| Refusal::new(columns, fault()))?
             }
         };
         self.check_depth(columns)?;
@@ -622,5 +626,15 @@ fn end_name(kind: Kind) -> &'static str {
         Kind::While(_) => "ENDWHILE",
         Kind::Do(_) => "WHILE",
         Kind::Repeat { .. } => "ENDREPEAT",
+    }
+}
+
+/// What is meant by a P of M98 in dialects that put the number of calls before the four digits of the subprogram.
+fn packed(number: u32) -> String {
+    match (number / 10_000, number % 10_000) {
+        (0, _) => String::new(),
+        (calls, number) => {
+            format!(", or for {calls} calls of O{number} write M98 P{number} L{calls}")
+        }
     }
 }

@@ -283,6 +283,8 @@ fn what_does_not_belong_together() {
         ("M98 P5", "1:1"),
         ("M98", "1:1"),
         ("M98 P1.5", "1:5"),
+        ("M98 P31000", "1:1"),
+        ("M98 P5 L1.5", "1:8"),
         ("M98 P5\nM2\nO5\nG0 X1", "5:1"),
         ("o1 sub\nM99\no1 endsub\no1 call", "2:1"),
         ("G0 X1\nO5\nM99", "2:1"),
