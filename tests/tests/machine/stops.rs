@@ -225,8 +225,10 @@ impl Sample {
                 }
                 Block::ToolChange => {
                     let tool = line;
-                    sample.stops.push(Pause::ToolChange(tool));
+                    // The tool is told where the path stops for it.
                     sample.switches.push(Switch::Tool(tool));
+                    sample.stops_before.push(sample.stops.len());
+                    sample.stops.push(Pause::ToolChange(tool));
                     writeln!(text, "T{tool} M6")
                 }
                 Block::Coolant(flood) => {
