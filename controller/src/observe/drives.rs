@@ -18,6 +18,7 @@ use syncline_drives::model::Increments;
 use syncline_drives::twin::Observation;
 use syncline_drives::twin::servo::motor::Motor;
 use syncline_drives::twin::servo::power_stage::{DcBus, lasts};
+use syncline_gcode::AxisLetter;
 
 /// What is watched of all drives, gantries and the structure.
 #[derive(Debug)]
@@ -134,6 +135,8 @@ impl Drives {
             return;
         }
         self.rows += 1;
+        // Before what is seen now has it go on to the next SYNC.
+        let deflection = self.cutting.as_ref().map(|_| self.deflection());
         for (watch, seen) in self.drives.iter_mut().zip(&self.seen) {
             watch.observe(at, seen, violations);
         }
@@ -146,8 +149,8 @@ impl Drives {
         for transmission in &mut self.transmissions {
             transmission.observe(at, &self.seen);
         }
-        if let Some(cutting) = &mut self.cutting {
-            cutting.observe(at, &self.seen);
+        if let Some((cutting, deflection)) = self.cutting.as_mut().zip(deflection) {
+            cutting.observe(at, &self.seen, deflection);
         }
     }
 
@@ -161,6 +164,14 @@ impl Drives {
             transmission.give(&mut tool);
         }
         tool
+    }
+
+    /// How far the tool is from where X, Y and Z are at the next SYNC, mm.
+    fn deflection(&self) -> f64 {
+        let off = self.tool(&Position::default());
+        let linear = [AxisLetter::X, AxisLetter::Y, AxisLetter::Z];
+        let squares = linear.map(|letter| off[letter.index()].powi(2));
+        squares.iter().sum::<f64>().sqrt()
     }
 
     /// Whether some axis falls where nothing holds it.

@@ -126,8 +126,8 @@ impl Places {
     }
 }
 
-/// Puts a place among those that are kept, greatest first.
-fn keep<T>(kept: &mut Vec<T>, place: T, of: impl Fn(&T) -> f64) {
+/// Puts a place among the [`KEPT`] that are kept, greatest first.
+pub(super) fn keep<T>(kept: &mut Vec<T>, place: T, of: impl Fn(&T) -> f64) {
     let at = kept.partition_point(|it| of(it) >= of(&place));
     kept.insert(at, place);
     kept.truncate(KEPT);

@@ -31,6 +31,7 @@ pub(super) fn page(report: &Report, summary: Option<&Summary>) -> String {
     html += &of(&|it| circles::section(&lines, it));
     html += &path_over_time(report);
     html += &of(&|it| tables::slowest(it, &lines));
+    html += &of(&|it| tables::hardest(it, &lines));
     for axis in &report.axes {
         html += &axis_over_time(report, axis);
     }

@@ -292,6 +292,36 @@ pub(super) fn slowest(summary: &Summary, lines: &[&str]) -> String {
     section("Slower than their feed", html + "</table></div>")
 }
 
+/// The lines that cut with the greatest force.
+pub(super) fn hardest(summary: &Summary, lines: &[&str]) -> String {
+    let hardest = summary.cutting.iter().flat_map(|it| &it.hardest_lines);
+    let rows: String = hardest
+        .map(|it| {
+            format!(
+                "<tr data-time='{:.6}' data-half=0.1 tabindex=0><td class=n>{}<td class=n>{:.3} s<td class=n>{} N\
+                 <td class=n>{} N<td class=n>{} µm<td><code>{}</code></tr>\n",
+                it.at.time,
+                line(it.at.line),
+                it.at.time,
+                number(it.max_force_n),
+                number(it.rms_force_n),
+                number(1000.0 * it.max_deflection_mm),
+                escape(line_text(lines, it.at.line))
+            )
+        })
+        .collect();
+    match rows.is_empty() {
+        true => rows,
+        false => section(
+            "Hardest cuts",
+            format!(
+                "<div class='scroll tall'><table><tr><th class=n>Line<th class=n>At<th class=n>Force<th class=n>RMS\
+                 <th class=n>Deflection<th>Block</tr>\n{rows}</table></div>"
+            ),
+        ),
+    }
+}
+
 /// Where the result is from.
 pub(super) fn about(summary: &Summary) -> String {
     let mut facts: Vec<(&str, String)> = Vec::new();

@@ -441,6 +441,24 @@ fn a_tool_that_cuts_pushes_at_the_loads() {
     let free = of("", program);
     assert!(free["cutting"].is_null() && off(&free) < 0.003, "{free:#}");
     assert!(least(&cut) > least(&free) + 0.2);
+    // By line, hardest first: one that comes again stands with its hardest pass, and rapids are none.
+    let program = "G21 G90 G61 M3 S6000\n#1=300\nO1 REPEAT [2]\nG0 X0\nG1 X20 F#1\n#1=600\nO1 ENDREPEAT\n\
+                   G0 X0\nG1 X20 F1200\nG0 X0\nM2\n";
+    let told = of(steel, program);
+    let lines = told["cutting"]["hardest_lines"].as_array().expect("lines");
+    assert_eq!(lines.len(), 2, "{lines:#?}");
+    for (line, (place, against)) in lines.iter().zip([(9, 400.0), (5, 200.0)]) {
+        assert_eq!(line["line"], place);
+        let [most, mean, off] = ["max_force_n", "rms_force_n", "max_deflection_mm"]
+            .map(|key| number(line, &format!("/{key}")));
+        let expected = against * 1.0625_f64.sqrt();
+        assert!((most / expected - 1.0).abs() < 1e-3, "{most}");
+        assert!((0.95..1.0).contains(&(mean / most)), "{mean}");
+        // What the screw twists by, and the structure bends.
+        let bent = against / 20e3 + against * 1e3 / stiffness;
+        assert!((1.0..1.15).contains(&(off / bent)), "{off} {bent}");
+    }
+    assert_eq!(force(&told), number(&lines[0], "/max_force_n"));
     // Neither in a rapid nor without a spindle.
     for other in [
         "G21 G90 G61 M3 S6000\nG0 X60\nM2\n",
