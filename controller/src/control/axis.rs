@@ -37,16 +37,13 @@ const OUTWARDS: [f64; 2] = [-0.5, 0.5];
 /// What one side of an axis keeps.
 #[derive(Clone, Debug)]
 struct Side {
-    /// Increments to add to the converted plan, captured when the setpoint was frozen: the side
-    /// stays where it is, whatever the other side does.
-    offset: Increments,
     /// What its drive is sent to next, before it is known that all others' can be too.
     next: Setpoint,
     guard: SetpointGuard,
     /// Its last actual position, and how many cycles ago that was.
     seen: Option<(Increments, u32)>,
-    /// Where it was as its drive told that it is enabled, until its setpoint is frozen.
-    enabled: Option<Increments>,
+    /// Where it was as its drive told that it is enabled, until its setpoint is frozen, mm.
+    enabled: Option<f64>,
 }
 
 /// An axis in the cycle.
@@ -101,7 +98,6 @@ impl AxisControl {
     pub(super) fn new(index: AxisIndex, layout: &Layout) -> Self {
         let spec = layout.axes[index].clone();
         let side = |&drive: &usize| Side {
-            offset: Increments::ZERO,
             next: Setpoint::default(),
             guard: SetpointGuard::new(&spec.limits, &layout.devices[drive].scaling, layout.cycle),
             seen: None,
@@ -241,8 +237,8 @@ impl AxisControl {
             };
             uncertainty = uncertainty.max(off as f64 * node.scaling().resolution());
             let origin = at - node.increments(place)?;
-            let believed = node.scaling().to_mm(at - node.origin) - place;
-            node.origin = origin;
+            let believed = node.scaling().to_mm(at - node.origin()) - place;
+            node.set_origin(origin);
             node.keep_count();
             if self.referenced && moved.is_none_or(|moved| believed.abs() > moved.abs()) {
                 moved = Some(believed);
@@ -254,9 +250,10 @@ impl AxisControl {
 
     /// Goes on at rest from where its setpoints are, which do not change; its position there, mm. Of a
     /// gantry that is the middle of its sides, which are planned as far apart as they are.
-    pub(super) fn reseat(&mut self, nodes: &[DeviceNode]) -> f64 {
-        for (side, &drive) in self.sides.iter_mut().zip(&self.spec.drives) {
-            side.offset = nodes[drive].origin;
+    pub(super) fn reseat(&mut self, nodes: &mut [DeviceNode]) -> f64 {
+        for &drive in &self.spec.drives {
+            let node = &mut nodes[drive];
+            node.set_offset(node.origin());
         }
         let at = |side: usize| nodes[self.spec.drives[side]].setpoint_mm();
         let (position, apart) = match self.sides.len() {
@@ -270,10 +267,10 @@ impl AxisControl {
     // --- its setpoints ---
 
     /// Takes the setpoints of its sides to be at that position.
-    fn seat(&mut self, position: f64, nodes: &[DeviceNode]) -> Result<(), Fault> {
-        for (side, &drive) in self.sides.iter_mut().zip(&self.spec.drives) {
-            let node = &nodes[drive];
-            side.offset = node.setpoint.position - node.increments(position)?;
+    fn seat(&mut self, position: f64, nodes: &mut [DeviceNode]) -> Result<(), Fault> {
+        for &drive in &self.spec.drives {
+            let node = &mut nodes[drive];
+            node.set_offset(node.setpoint.position - node.increments(position)?);
         }
         self.rest(position, 0.0);
         Ok(())
@@ -324,7 +321,7 @@ impl AxisControl {
         halts_in: u64,
         nodes: &[DeviceNode],
     ) -> Result<(), Fault> {
-        let there = nodes[self.drive()].setpoint_at(mm, self.sides[0].offset)?;
+        let there = nodes[self.drive()].setpoint_at(mm)?;
         if let Some(place) = &mut self.point_to_point {
             place.target = Some(there.position);
             place.halts_in = halts_in;
@@ -453,7 +450,7 @@ impl AxisControl {
     /// Freezes the axis where its drives' setpoints are; the plan starts from the returned
     /// machine position in mm. How far the sides of a gantry are out of square is in its plan then, and not in offsets
     /// of theirs, so that it can be taken out.
-    pub(super) fn freeze(&mut self, nodes: &[DeviceNode]) -> Result<f64, Fault> {
+    pub(super) fn freeze(&mut self, nodes: &mut [DeviceNode]) -> Result<f64, Fault> {
         let position = self.locate(nodes)?;
         self.forget_motion();
         if let [one, other] = self.spec.drives[..] {
@@ -529,9 +526,9 @@ impl AxisControl {
             let side = &mut self.sides[index];
             side.next = Setpoint {
                 velocity,
-                ..node.setpoint_at(there, side.offset)?
+                ..node.setpoint_at(there)?
             };
-            let origin = Some(node.origin).filter(|_| self.referenced && !in_homing);
+            let origin = Some(node.origin()).filter(|_| self.referenced && !in_homing);
             let guarded = side.guard.check(side.next.position, origin);
             guarded.map_err(|(quantity, value)| {
                 let cause = AxisCause::SetpointGuard {
@@ -682,8 +679,7 @@ impl AxisControl {
                 side.enabled = None;
                 continue;
             }
-            let enabled = *side.enabled.get_or_insert(node.actual());
-            let error = node.scaling().to_mm(enabled) - node.scaling().to_mm(node.actual());
+            let error = *side.enabled.get_or_insert(node.actual_mm()) - node.actual_mm();
             if error.abs() > allowed {
                 let cause = AxisCause::FollowingError { error, allowed };
                 return Err(Fault::Axis(self.index, cause));

@@ -45,13 +45,11 @@ pub(super) struct DeviceNode {
     come: u32,
     answers: Answers,
     status: DriveStatus,
-    actual: Increments,
+    place: Place,
     /// The torque that its last T_PDOs told, if they tell one, as its positions grow.
     told_torque: Option<i16>,
     /// How fast it turns as it told last, increments/s, if it tells no position.
     told_speed: Option<f64>,
-    /// Its count at machine position 0, beyond the `zero` of the machine file.
-    pub(super) origin: Increments,
     /// It has begun anew without having been told to, or was out of reach: it may count otherwise.
     lost_count: bool,
     /// The boot-up message that is to come was asked for.
@@ -111,10 +109,9 @@ impl DeviceNode {
                     .collect(),
             ),
             status: DriveStatus::default(),
-            actual: drive.middle,
+            place: Place::new(drive.scaling, drive.middle),
             told_torque: None,
             told_speed: None,
-            origin: Increments::ZERO,
             lost_count: false,
             resetting: false,
             signals: 0,
@@ -215,7 +212,7 @@ impl DeviceNode {
                         self.take_state((survey.status)(value));
                     }
                     _ => {
-                        self.actual = Increments::from(value as i32);
+                        self.place.move_to(Increments::from(value as i32));
                         self.polls.locate();
                     }
                 }
@@ -288,7 +285,8 @@ impl DeviceNode {
         if let Some(feedback) = self.device.feedback()
             && let Some(sample) = feedback.sample(t_pdo, data)
         {
-            self.actual = unwrapped(sample.position, feedback.range(), self.actual);
+            let before = self.place.counts();
+            (self.place).move_to(unwrapped(sample.position, feedback.range(), before));
             self.polls.locate();
         }
         if let Some(io) = self.device.io()
@@ -339,16 +337,44 @@ impl DeviceNode {
 
     /// The machine position that the drive reports, mm.
     pub(super) fn actual_mm(&self) -> f64 {
-        self.scaling().to_mm(self.actual - self.origin)
+        self.place.machine_mm()
+    }
+
+    /// Where the plan has its axis as the drive reports it, of a gantry without what the sides are planned to be apart, mm.
+    pub(super) fn plan_mm(&self) -> f64 {
+        self.place.plan_mm()
+    }
+
+    /// Its count at machine position 0, beyond the `zero` of the machine file.
+    pub(super) fn origin(&self) -> Increments {
+        self.place.origin()
+    }
+
+    /// How often its position was converted.
+    #[cfg(test)]
+    pub(super) fn conversions(&self) -> u64 {
+        self.place.conversions()
+    }
+
+    /// It has that count at machine position 0.
+    pub(super) fn set_origin(&mut self, origin: Increments) {
+        self.place.set_origin(origin);
+    }
+
+    /// It has that count, beyond the `zero` of the machine file, where the plan has its axis at 0: captured when the
+    /// setpoint was frozen, so that the drive stays where it is, whatever the other side of a gantry does.
+    pub(super) fn set_offset(&mut self, offset: Increments) {
+        self.place.set_offset(offset);
     }
 
     /// The machine position of its setpoint, mm.
     pub(super) fn setpoint_mm(&self) -> f64 {
-        self.scaling().to_mm(self.setpoint.position - self.origin)
+        self.scaling()
+            .to_mm(self.setpoint.position - self.place.origin())
     }
 
     pub(super) fn actual(&self) -> Increments {
-        self.actual
+        self.place.counts()
     }
 
     /// The level of one of its signals, once its T_PDOs have come.
@@ -549,9 +575,9 @@ impl DeviceNode {
         self.quick_stopped.is_some_and(|since| since >= cycles)
     }
 
-    /// What the drive has to be sent to for its axis to be at `mm`, `offset` increments beside.
-    pub(super) fn setpoint_at(&self, mm: f64, offset: Increments) -> Result<Setpoint, Fault> {
-        let setpoint = Setpoint::at(self.increments(mm)? + offset);
+    /// What the drive has to be sent to for its axis to be at `mm` of the plan.
+    pub(super) fn setpoint_at(&self, mm: f64) -> Result<Setpoint, Fault> {
+        let setpoint = Setpoint::at(self.increments(mm)? + self.place.offset());
         let checked = self.check(setpoint);
         checked.map_err(|OutOfRange| self.fault(DeviceCause::PositionRange))?;
         Ok(setpoint)
@@ -589,7 +615,7 @@ impl DeviceNode {
     pub(super) fn hold(&mut self) {
         let ends_mode = self.device.drive().is_none_or(|drive| drive.ends_mode());
         if self.power != PowerCommand::Enable || ends_mode {
-            self.setpoint = Setpoint::at(self.actual);
+            self.setpoint = Setpoint::at(self.place.counts());
         }
     }
 
@@ -759,6 +785,7 @@ mod captures;
 mod count;
 mod homing;
 mod monitoring;
+mod place;
 mod standstill;
 #[cfg(test)]
 mod tests;
@@ -766,5 +793,6 @@ mod torque;
 
 use answers::Answers;
 use by_sdo::BySdo;
+use place::Place;
 use standstill::Standstill;
 use torque::Torque;

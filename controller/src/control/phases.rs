@@ -547,7 +547,7 @@ impl<const N: usize> Controller<N> {
         let mut position = [0.0; N];
         for index in 0..self.axes.len() {
             let axis = &mut self.axes[index];
-            let frozen = axis.freeze(&self.nodes)?;
+            let frozen = axis.freeze(&mut self.nodes)?;
             position[axis.coordinate()] = frozen;
             if let Some(apart) = axis.askew(self.cycle) {
                 self.tell(Event::Askew { axis: index, apart });
@@ -593,7 +593,7 @@ impl<const N: usize> Controller<N> {
         for index in 0..self.axes.len() {
             let axis = &mut self.axes[index];
             if let Some(apart) = axis.out_of_square(self.cycle, &self.nodes) {
-                axis.keep_apart(self.cycle, &self.nodes)?;
+                axis.keep_apart(self.cycle, &mut self.nodes)?;
                 self.tell(Event::OutOfSquare {
                     axis: index,
                     apart,

@@ -148,15 +148,20 @@ fn counting_machine() -> (Driver<9, Box<dyn crate::port::Port + Send>>, Arc<Aske
     (machine, asked)
 }
 
-/// A setpoint is converted where it is checked.
+/// A setpoint is converted where it is checked, an actual position where it is told.
 #[test]
-fn a_setpoint_is_converted_once_and_a_drive_encoded_once_a_cycle() {
+fn positions_are_converted_once_and_a_drive_encoded_once_a_cycle() {
     let (mut machine, asked) = counting_machine();
     let mut plan = Shuttle::<9>::new(DRIVES);
     for cycle in 0..200 {
         while machine.controller.room() > 0 {
             machine.controller.accept(plan.instruction());
         }
+        let actual = |machine: &Driver<9, Box<dyn crate::port::Port + Send>>| -> u64 {
+            let nodes = machine.controller.nodes.iter();
+            nodes.map(DeviceNode::conversions).sum()
+        };
+        let converted = actual(&machine);
         let before = [&asked.checks, &asked.encodings].map(|count| count.load(Ordering::Relaxed));
         for _ in 0..2 {
             let wake = machine.controller.next_wake().unwrap();
@@ -165,8 +170,12 @@ fn a_setpoint_is_converted_once_and_a_drive_encoded_once_a_cycle() {
         let after = [&asked.checks, &asked.encodings].map(|count| count.load(Ordering::Relaxed));
         let once = DRIVES as u64;
         assert_eq!(
-            [after[0] - before[0], after[1] - before[1]],
-            [once, once],
+            [
+                after[0] - before[0],
+                after[1] - before[1],
+                actual(&machine) - converted
+            ],
+            [once; 3],
             "cycle {cycle}"
         );
     }

@@ -31,7 +31,7 @@ impl AxisControl {
                 None => nodes[drive].scaling().zero(),
             };
             let node = &mut nodes[drive];
-            node.origin = node.actual() - there;
+            node.set_origin(node.actual() - there);
         }
         Ok(())
     }

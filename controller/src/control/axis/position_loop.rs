@@ -45,9 +45,7 @@ impl AxisControl {
         if let Some(encoder) = self.loop_encoder() {
             return nodes[encoder].actual_mm();
         }
-        let node = &nodes[self.spec.drives[side]];
-        let act = (node.scaling()).to_mm(node.actual() - self.sides[side].offset);
-        act - OUTWARDS[side] * self.apart(cycle)
+        nodes[self.spec.drives[side]].plan_mm() - OUTWARDS[side] * self.apart(cycle)
     }
 
     /// Where a side is taken to be that does not answer every SYNC and did not answer the last, mm: it goes on as it was planned

@@ -66,7 +66,7 @@ impl AxisControl {
     pub(in super::super) fn keep_apart(
         &mut self,
         cycle: u64,
-        nodes: &[DeviceNode],
+        nodes: &mut [DeviceNode],
     ) -> Result<(), Fault> {
         self.seat(self.history.planned(cycle, 0.0).position, nodes)
     }

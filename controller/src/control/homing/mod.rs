@@ -713,7 +713,7 @@ impl<const N: usize> Controller<N> {
             let of = &self.layout.axes[index];
             // Of one drive whose encoder tells its place no position changes.
             if !(of.homing.tells_place() && of.drives.len() == 1) {
-                position[axis.coordinate()] = axis.reseat(&self.nodes);
+                position[axis.coordinate()] = axis.reseat(&mut self.nodes);
             }
             let apart = axis.square(self.cycle + 1);
             let moved = found.and_then(|(_, moved)| moved);

@@ -9,9 +9,10 @@ impl DeviceNode {
     /// Takes up where it counted when the machine was on last: how far it has moved since, increments.
     pub(in crate::control) fn recall(&mut self, kept: &Kept) -> Increments {
         let range = self.device.feedback().and_then(|feedback| feedback.range());
-        self.actual = unwrapped(self.actual, range, kept.position);
-        self.origin = kept.origin;
-        self.actual - kept.position
+        let counts = unwrapped(self.place.counts(), range, kept.position);
+        self.place.move_to(counts);
+        self.place.set_origin(kept.origin);
+        counts - kept.position
     }
 
     /// What shows that it, or the motor that counts for it, is another one than the one whose count was kept: an object, and what
@@ -33,8 +34,8 @@ impl DeviceNode {
     /// What is to be kept of it.
     pub(in crate::control) fn kept(&self) -> Kept {
         Kept {
-            origin: self.origin,
-            position: self.actual,
+            origin: self.place.origin(),
+            position: self.place.counts(),
             marks: self.sequence.marks(),
         }
     }

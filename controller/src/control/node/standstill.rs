@@ -75,8 +75,9 @@ impl DeviceNode {
         }
         let spec = &self.layout.devices[self.index];
         self.still
-            .go_on(self.actual, spec.standstill_window, cycles);
-        self.steady.go_on(self.actual, spec.steady_window, cycles);
+            .go_on(self.place.counts(), spec.standstill_window, cycles);
+        self.steady
+            .go_on(self.place.counts(), spec.steady_window, cycles);
     }
 
     /// Cycles since it told its position, where it is asked for that.

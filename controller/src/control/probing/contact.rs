@@ -181,7 +181,7 @@ impl<const N: usize> Controller<N> {
             self.layout.probe_captures[drive]?;
             let node = &self.nodes[drive];
             let edge = node.captured(speed)?;
-            sum += node.scaling().to_mm(edge.at - node.origin);
+            sum += node.scaling().to_mm(edge.at - node.origin());
             let off = edge.uncertainty.get() as f64 * node.scaling().resolution();
             uncertainty = uncertainty.max(off);
         }
