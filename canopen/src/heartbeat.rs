@@ -174,6 +174,12 @@ impl Consumer {
         if frame.id() != CanId::from(CobId::error_control(self.node)) {
             return None;
         }
+        self.on_byte(now, byte)
+    }
+
+    /// Takes what the node says of its state: the byte of its heartbeat, or that of its answer to node guarding without the
+    /// toggle bit; otherwise as [`Self::on_frame`].
+    pub fn on_byte(&mut self, now: Instant, byte: u8) -> Option<Event> {
         self.heard = Some(now);
         let before = self.byte.replace(byte);
         match State::from_byte(byte)? {

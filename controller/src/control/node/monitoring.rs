@@ -41,8 +41,7 @@ impl DeviceNode {
         {
             return None;
         }
-        let heartbeat = Frame::new(error_control, &[byte & 0x7F]);
-        self.heartbeat.on_frame(at, &heartbeat)
+        self.heartbeat.on_byte(at, byte & 0x7F)
     }
 
     pub(in crate::control) fn is_operational(&self) -> bool {
