@@ -52,7 +52,6 @@ use job::Job;
 use jobs::{Begin, Jobs, Resumable};
 use remaining::Remaining;
 use std::collections::VecDeque;
-use std::path::Path;
 use std::sync::Arc;
 use syncline_drives::model::PowerState;
 use syncline_gcode::{CoolantChange, InEffect, Point, Turning};
@@ -136,6 +135,7 @@ impl<T: Timeline> Session<T> {
         let jobs = Some(Jobs::new(programs, layout));
         let mut session = Self::with(layout, timeline, Moves::new().1, jobs, observers);
         session.desk.show_programs();
+        session.desk.view.show(&session.desk.status);
         session
     }
 
@@ -221,7 +221,9 @@ impl<T: Timeline> Session<T> {
             inlet,
             desk,
         } = self;
+        let mut has_news = false;
         for (issued, wanted) in inlet.commands(desk.waiting.len()) {
+            has_news = true;
             match wanted {
                 Ok(()) => desk.hand_over(issued, timeline),
                 Err(reason) => desk.refuse(issued, reason),
@@ -237,14 +239,18 @@ impl<T: Timeline> Session<T> {
         }
         let mut has_row = false;
         let progress = timeline.advance(&mut |report| {
+            has_news = true;
             has_row |= matches!(report, CycleReport::Row(_));
             desk.take(report);
         });
         if has_row {
             (desk.observers).observe_drives(|drive| timeline.observe_drive(drive));
         }
-        desk.status.settings = desk.settings;
-        desk.view.show(&desk.status);
+        // It changes by what is commanded and reported alone: of a cycle's two wake-ups one reports.
+        if has_news {
+            desk.status.settings = desk.settings;
+            desk.view.show(&desk.status);
+        }
         let progress = progress.unwrap_or_else(|error| {
             desk.problem(error);
             Progress::More
@@ -696,30 +702,6 @@ impl Desk {
         };
     }
 
-    /// Shows what is switched, also where no row follows: a quick stop switches off behind the last one.
-    fn show_switched(&mut self, line: u32, switch: Switch) {
-        match switch {
-            Switch::Spindle(spindle) => self.status.spindle = spindle,
-            Switch::Coolant(change) => self.status.coolant = change.of(self.status.coolant),
-            Switch::Message => {
-                if let Some(text) = self.job.moves.next_message() {
-                    self.outlets.tell(Event::Message { line, text });
-                }
-            }
-            Switch::Tool(tool) => self.show_tool(tool),
-            Switch::Output(_) => {}
-        }
-    }
-
-    /// Shows the tool in the spindle, with its name.
-    fn show_tool(&mut self, tool: u32) {
-        if std::mem::replace(&mut self.status.tool, tool) != tool {
-            let programs = self.jobs.as_ref().map(Jobs::programs);
-            let tool = programs.and_then(|programs| programs.tool(tool));
-            self.status.tool_name = tool.map_or_else(String::new, |tool| tool.name.clone());
-        }
-    }
-
     /// What is switched off stays off in the next job, too.
     fn switched_off(&mut self, switch: Switch) {
         let is_off = match switch {
@@ -741,32 +723,6 @@ impl Desk {
         }
     }
 
-    /// Shows whether the positions of an axis are machine positions, and how far `apart` its homing has found the sides of
-    /// a gantry.
-    fn show_reference(&mut self, axis: usize, referenced: bool, apart: Option<f64>) {
-        let at = self.coordinates[axis];
-        self.status.referenced[at] = referenced;
-        let shown = &mut self.status.squareness[at];
-        if let (Some(square), Some(_)) = (self.layout.axes[axis].homing.square, apart) {
-            *shown = Some(Squareness {
-                stored: square.squareness,
-                measured: apart,
-            });
-        } else if let Some(squareness) = shown {
-            squareness.measured = apart;
-        }
-    }
-
-    /// Shows the state, and tells a change of it.
-    fn show_state(&mut self) {
-        let jobs = self.jobs.as_ref();
-        let shown = self.status.state;
-        let state = jobs.map_or(self.state, |jobs| jobs.state(self.state, shown));
-        if std::mem::replace(&mut self.status.state, state) != state {
-            self.outlets.tell(Event::State(state));
-        }
-    }
-
     /// Where the machine is in a state that no hold leads to, no program is held for typed lines any more.
     fn leave_hold(&mut self) {
         use State::{Disabled, Faulted, Off, Ready, Starting};
@@ -775,22 +731,6 @@ impl Desk {
         {
             jobs.leave_hold();
             self.show_programs();
-        }
-    }
-
-    /// Shows what is in effect in the block at work, and otherwise what the programs so far have left.
-    fn show_programs(&mut self) {
-        let (coordinates, modes) = match (&self.job.modal, &self.jobs) {
-            (Some(modal), _) => (modal.coordinates, &modal.modes),
-            (None, Some(jobs)) => jobs.in_effect(),
-            (None, None) => return,
-        };
-        self.status.offset = coordinates.origin.0;
-        self.status.rotation = coordinates.rotation;
-        self.status.modes = modes.to_string();
-        if let Some(jobs) = &self.jobs {
-            self.status.interrupted = jobs.interrupted();
-            self.status.program = jobs.loaded().map(Path::to_owned);
         }
     }
 }

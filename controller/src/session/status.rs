@@ -1,11 +1,12 @@
 //! How things are: one snapshot, replaced at most once a cycle.
 
 use super::command::switched;
-use super::{Command, Settings};
-use crate::control::{Layout, MeasuredSample, Phase, SpindleSample, State, Waiting};
+use super::jobs::Jobs;
+use super::{Command, Desk, Event, Settings};
+use crate::control::{Layout, MeasuredSample, Phase, SpindleSample, State, Switch, Waiting};
 use crate::machine::{AnalogSource, COORDINATES, MEASURED, OutputSwitch};
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use syncline_drives::model::PowerState;
 use syncline_gcode::{Coolant, InEffect, Outputs, Point, Spindle, WorkCoordinates};
@@ -252,5 +253,74 @@ impl StatusView {
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
             .clone()
+    }
+}
+
+/// What it shows of what happens.
+impl Desk {
+    /// Shows what is switched, also where no row follows: a quick stop switches off behind the last one.
+    pub(super) fn show_switched(&mut self, line: u32, switch: Switch) {
+        match switch {
+            Switch::Spindle(spindle) => self.status.spindle = spindle,
+            Switch::Coolant(change) => self.status.coolant = change.of(self.status.coolant),
+            Switch::Message => {
+                if let Some(text) = self.job.moves.next_message() {
+                    self.outlets.tell(Event::Message { line, text });
+                }
+            }
+            Switch::Tool(tool) => self.show_tool(tool),
+            Switch::Output(_) => {}
+        }
+    }
+
+    /// Shows the tool in the spindle, with its name.
+    pub(super) fn show_tool(&mut self, tool: u32) {
+        if std::mem::replace(&mut self.status.tool, tool) != tool {
+            let programs = self.jobs.as_ref().map(Jobs::programs);
+            let tool = programs.and_then(|programs| programs.tool(tool));
+            self.status.tool_name = tool.map_or_else(String::new, |tool| tool.name.clone());
+        }
+    }
+
+    /// Shows whether the positions of an axis are machine positions, and how far `apart` its homing has found the sides of
+    /// a gantry.
+    pub(super) fn show_reference(&mut self, axis: usize, referenced: bool, apart: Option<f64>) {
+        let at = self.coordinates[axis];
+        self.status.referenced[at] = referenced;
+        let shown = &mut self.status.squareness[at];
+        if let (Some(square), Some(_)) = (self.layout.axes[axis].homing.square, apart) {
+            *shown = Some(Squareness {
+                stored: square.squareness,
+                measured: apart,
+            });
+        } else if let Some(squareness) = shown {
+            squareness.measured = apart;
+        }
+    }
+
+    /// Shows the state, and tells a change of it.
+    pub(super) fn show_state(&mut self) {
+        let jobs = self.jobs.as_ref();
+        let shown = self.status.state;
+        let state = jobs.map_or(self.state, |jobs| jobs.state(self.state, shown));
+        if std::mem::replace(&mut self.status.state, state) != state {
+            self.outlets.tell(Event::State(state));
+        }
+    }
+
+    /// Shows what is in effect in the block at work, and otherwise what the programs so far have left.
+    pub(super) fn show_programs(&mut self) {
+        let (coordinates, modes) = match (&self.job.modal, &self.jobs) {
+            (Some(modal), _) => (modal.coordinates, &modal.modes),
+            (None, Some(jobs)) => jobs.in_effect(),
+            (None, None) => return,
+        };
+        self.status.offset = coordinates.origin.0;
+        self.status.rotation = coordinates.rotation;
+        self.status.modes = modes.to_string();
+        if let Some(jobs) = &self.jobs {
+            self.status.interrupted = jobs.interrupted();
+            self.status.program = jobs.loaded().map(Path::to_owned);
+        }
     }
 }
