@@ -248,7 +248,7 @@ impl DeviceNode {
     /// Takes what a drive says of its state when it is asked.
     fn take_state(&mut self, said: DriveStatus) {
         if let Some(drive) = self.device.drive_mut() {
-            drive.answers(said.word.value.bits() as u16);
+            drive.answers(&said);
         }
         if self.polls.believes(said.power != self.status.power) {
             self.status = DriveStatus {

@@ -73,9 +73,9 @@ pub trait Drive: Feedback {
         false
     }
 
-    /// Takes the statusword of a drive that is asked for it.
-    fn answers(&mut self, statusword: u16) {
-        let _ = statusword;
+    /// Takes what the drive says of its state when it is [asked](Self::survey), which no T_PDO has told.
+    fn answers(&mut self, said: &DriveStatus) {
+        let _ = said;
     }
 
     /// Whether it has not told yet that it has come to the target that it was sent last; of a drive whose axis goes point to

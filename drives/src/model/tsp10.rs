@@ -295,9 +295,9 @@ impl Drive for Tsp10 {
         self.targets.as_ref().is_some_and(Targets::waits)
     }
 
-    fn answers(&mut self, statusword: u16) {
+    fn answers(&mut self, said: &DriveStatus) {
         if let Some(targets) = &mut self.targets {
-            targets.answer(Statusword(statusword));
+            targets.answer(Statusword(said.word.value.bits() as u16));
         }
     }
 
