@@ -14,8 +14,9 @@ use crate::observe::mapping::{Heard, PdoMappings};
 use crate::session::{Accepted, Command, Event};
 use std::collections::VecDeque;
 use std::mem::take;
-use syncline_canopen::Instant;
+use syncline_canopen::{Address, Instant};
 use syncline_drives::bus::Transmission;
+use syncline_drives::model::Device;
 
 const NAME: &str = "outputs";
 
@@ -83,6 +84,8 @@ enum What {
     Digital {
         active_low: bool,
         switch: OutputSwitch,
+        /// Of a drive: the object that it has its outputs in, a bit each.
+        object: Option<Address>,
     },
     Analog {
         full_scale: f64,
@@ -116,7 +119,9 @@ impl What {
     fn value(&self, switched: &Switched) -> Option<i32> {
         let value = match self {
             Self::Speed { .. } if switched.is_oriented => return None,
-            Self::Digital { active_low, switch } => {
+            Self::Digital {
+                active_low, switch, ..
+            } => {
                 let on = match *switch {
                     OutputSwitch::Program(number) => switched.digital >> number & 1 != 0,
                     OutputSwitch::Spindle => switched.turns.is_some(),
@@ -162,8 +167,6 @@ impl What {
     fn read(&self, object: u32, value: u32, number: usize) -> Option<i32> {
         let [bits, sub, low, high] = object.to_le_bytes();
         match (u16::from_le_bytes([low, high]), self) {
-            // An LXM32M's IO_DQ_set.
-            (0x3008, Self::Digital { .. }) if sub == 0x11 => Some((value >> number & 1) as i32),
             // CiA 401, by bytes and by words.
             (0x6200 | 0x6300, Self::Digital { .. }) => {
                 let first = usize::from(bits) * usize::from(sub.checked_sub(1)?);
@@ -172,6 +175,9 @@ impl What {
             }
             (0x6411, Self::Analog { .. }) if usize::from(sub) == number + 1 => {
                 Some((value as i16).into())
+            }
+            (index, Self::Digital { object, .. }) if *object == Some(Address::new(index, sub)) => {
+                Some((value >> number & 1) as i32)
             }
             // CiA 402's target velocity, and that of its velocity mode.
             (0x60FF, Self::Speed { .. }) => Some(value as i32),
@@ -584,6 +590,15 @@ fn keep_safe(machine: &Machine, left: &mut Switched) {
     }
 }
 
+/// The object that a drive has its digital outputs in, by its model.
+fn object_of(device: &Device) -> Option<Address> {
+    let mut object = None;
+    device.drive()?.io()?.write(&mut |write| {
+        object.get_or_insert(write.address);
+    });
+    object
+}
+
 /// Outputs of a machine, and of which device with which number there each is.
 fn wired(machine: &Machine) -> (Vec<Output>, Vec<(usize, usize)>) {
     let output = |name: &str, what, safe| Output {
@@ -603,6 +618,7 @@ fn wired(machine: &Machine) -> (Vec<Output>, Vec<(usize, usize)>) {
         let what = What::Digital {
             active_low: it.active_low,
             switch: it.switch,
+            object: object_of(&machine.device(it.node)),
         };
         let safe = it.safe != it.active_low;
         (output(&it.name, what, safe.into()), (it.node, it.signal))

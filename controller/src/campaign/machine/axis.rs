@@ -5,7 +5,7 @@ use super::wires::{HOME, Wire};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
 use std::ops::RangeInclusive;
-use syncline_drives::model::{Address, Assumed, MODELS, Model};
+use syncline_drives::model::{Ability, Address, Assumed, MODELS, Model};
 
 /// CiA 402's quick stop ramp, increments/s². As a drive leaves the factory it may be steeper than many a motor
 /// can follow, so who sets up a machine writes what the axis takes, where the controller does not.
@@ -128,6 +128,14 @@ impl DeviceSpec {
             .iter()
             .find(|model| model.name == self.model)
             .copied()
+    }
+
+    /// What it counts in a revolution, if that is a whole number of turns at its index, and its maker's to say and not the
+    /// machine file's.
+    fn indexed(&self) -> Option<f64> {
+        let model = self.model()?;
+        let counts = model.maker.is_some() && model.abilities.contains(&Ability::CountsWithinTurn);
+        counts.then(|| (model.increments_per_revolution)(&Assumed::default()).into())
     }
 
     /// What it counts in a revolution, if it has a quick stop ramp for a user to set.
@@ -279,8 +287,10 @@ impl AxisSpec {
     /// Has the index behind the switch that it is homed by tell its place, where neither that nor the one before it is near
     /// to the edge.
     pub(super) fn take_index(&mut self) {
-        const TURN: f64 = 131_072.0;
         let drive = &self.drives[0];
+        let Some(turn) = drive.indexed() else {
+            return;
+        };
         let homing = self.homing.as_mut();
         let Some(homing) = homing.filter(|it| it.starts_with("kind = \"switch\"")) else {
             return;
@@ -288,11 +298,11 @@ impl AxisSpec {
         let edge = homing
             .lines()
             .find_map(|it| it.strip_prefix("position = ")?.parse::<f64>().ok());
-        let Some(edge) = edge.filter(|_| drive.model == "lxm32m") else {
+        let Some(edge) = edge else {
             return;
         };
         let sign = if drive.negative { -1.0 } else { 1.0 };
-        let zero = f64::from(drive.zero) / TURN;
+        let zero = f64::from(drive.zero) / turn;
         let revolutions = zero + sign * edge / self.travel;
         let grows = homing.contains("direction = \"positive\"") != drive.negative;
         let index = if grows {
