@@ -24,6 +24,7 @@ use syncline_controller::bench::rig::{Shape, Shuttle, ready_machine};
 use syncline_controller::control::Layout as MachineLayout;
 use syncline_controller::control::{Instruction, PointToPoint, StopPoint, Wake};
 use syncline_controller::machine::{COORDINATES, Machine};
+use syncline_controller::observe::frames::SharedFrames;
 use syncline_controller::port::Port;
 use syncline_controller::port::sim::{SimPort, Simulated};
 use syncline_controller::realtime;
@@ -116,6 +117,8 @@ struct Warm {
     /// Instructions that a planner has ready for the cycle.
     staged: VecDeque<Instruction<COORDINATES>>,
     fresh: Vec<u8>,
+    /// What the buses relay, if they do.
+    frames: Option<SharedFrames>,
 }
 
 impl Warm {
@@ -124,24 +127,30 @@ impl Warm {
         let mut shuttle = Shuttle::new(axes);
         Self::of(
             ready_machine(&shape),
+            None,
             Box::new(move || shuttle.instruction()),
         )
     }
 
     /// The example of devices of several kinds: axes that are sent positions and velocities, loops closed by an encoder and by
-    /// a drive, polls, and one that goes point to point.
+    /// a drive, polls, and one that goes point to point. Its frames are relayed, as in a run in real time.
     fn mixed() -> Self {
-        let (machine, start) = mixed_machine();
+        let (machine, frames, start) = mixed_machine();
         let mut plan = MixedPlan::new(start);
-        Self::of(machine, Box::new(move || plan.instruction()))
+        Self::of(machine, Some(frames), Box::new(move || plan.instruction()))
     }
 
-    fn of(machine: Machinery, plan: Box<dyn FnMut() -> Instruction<COORDINATES>>) -> Self {
+    fn of(
+        machine: Machinery,
+        frames: Option<SharedFrames>,
+        plan: Box<dyn FnMut() -> Instruction<COORDINATES>>,
+    ) -> Self {
         let mut warm = Self {
             machine,
             plan,
             staged: VecDeque::new(),
             fresh: vec![0; 4 << 20],
+            frames,
         };
         warm.run(4 * CHUNK, Plant::Nothing, |_| ());
         warm
@@ -179,20 +188,19 @@ impl Warm {
                 }
             }
             watch(false);
+            self.frames.iter().for_each(SharedFrames::catch_up);
             assert_eq!(self.machine.controller.end(), None);
         }
     }
 }
 
 /// `examples/mixed` in simulation, ready for its plan, and where that starts.
-fn mixed_machine() -> (Machinery, [f64; COORDINATES]) {
+fn mixed_machine() -> (Machinery, SharedFrames, [f64; COORDINATES]) {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/mixed/machine.toml");
     let machine = Machine::load(&file).unwrap();
-    let unobserved = machine
-        .buses
-        .iter()
-        .map(|_| Some(Box::new(|_: &_| ()) as _));
-    let simulated = Simulated::new(&machine, 0, unobserved, |_, _| ()).unwrap();
+    let frames = SharedFrames::new(&machine);
+    let relays = (0..machine.buses.len()).map(|bus| Some(Box::new(frames.relay(bus)) as _));
+    let simulated = Simulated::new(&machine, 0, relays, |_, _| ()).unwrap();
     let ports = (simulated.buses.iter().flatten())
         .map(|&bus| Box::new(SimPort::new(bus)) as Box<dyn Port + Send>)
         .collect();
@@ -200,7 +208,7 @@ fn mixed_machine() -> (Machinery, [f64; COORDINATES]) {
     let mut driver = Driver::new(layout, simulated.world, ports, Instant::ZERO);
     for _ in 0..20_000 {
         if let Some(start) = driver.controller.ready() {
-            return (driver, start);
+            return (driver, frames, start);
         }
         let wake = driver.controller.next_wake().unwrap();
         driver.step(wake.at()).unwrap();
@@ -319,6 +327,14 @@ fn no_lock_is_taken_in_100_000_cycles() {
     assert!(watch(Plant::Lock, 1_000, Watch::CompareExchanges) >= 1);
 }
 
+#[test]
+fn no_lock_is_taken_with_devices_of_several_kinds_whose_frames_are_relayed() {
+    let _alone = ONE_AT_A_TIME.lock();
+    let locks = |plant| watch_machine("mixed", plant, 1_000, Watch::CompareExchanges);
+    assert_eq!(locks(Plant::Nothing), 0);
+    assert!(locks(Plant::Lock) >= 1);
+}
+
 /// Exchanges too, as a spin lock takes them. Single steps are slow: a few cycles of one axis, whose code is
 /// that of more.
 #[test]
@@ -421,7 +437,10 @@ extern "C" fn watched() {
     let [Ok(plant), Ok(axes), Ok(cycles)] = ["PLANT", "AXES", "CYCLES"].map(std::env::var) else {
         return;
     };
-    let mut warm = Warm::new(axes.parse().unwrap());
+    let mut warm = match axes.parse() {
+        Ok(axes) => Warm::new(axes),
+        Err(_) => Warm::mixed(),
+    };
     warm.run(cycles.parse().unwrap(), Plant::by_name(&plant), |_| mark());
     std::process::exit(0);
 }
@@ -434,10 +453,15 @@ static BEFORE_MAIN: extern "C" fn() = watched;
 /// one of it.
 fn watch(plant: Plant, cycles: usize, what: Watch) -> u64 {
     let axes = if what == Watch::Locks { 1 } else { AXES };
+    watch_machine(&axes.to_string(), plant, cycles, what)
+}
+
+/// The same of a machine with so many axes, or of the [mixed](Warm::mixed) one.
+fn watch_machine(axes: &str, plant: Plant, cycles: usize, what: Watch) -> u64 {
     let mut command = Command::new(std::env::current_exe().unwrap());
     command
         .env("PLANT", format!("{plant:?}"))
-        .env("AXES", axes.to_string())
+        .env("AXES", axes)
         .env("CYCLES", cycles.to_string())
         .stdout(std::process::Stdio::null());
     // SAFETY: the child only asks to be traced; ptrace is a bare system call.

@@ -190,6 +190,17 @@ impl Listeners {
         }))
     }
 
+    /// Has the frames recorded that the cycle of a machine on simulated buses relays, also while nobody looks at them.
+    pub(super) fn catch_up(&mut self, frames: SharedFrames) -> io::Result<()> {
+        let stop = Arc::clone(&self.stop);
+        self.spawn(move || {
+            while !stop.load(Ordering::Relaxed) {
+                frames.catch_up();
+                thread::sleep(LISTEN);
+            }
+        })
+    }
+
     fn spawn(&mut self, listen: impl FnOnce() + Send + 'static) -> io::Result<()> {
         let thread = thread::Builder::new().name("listener".into());
         self.threads.push(thread.spawn(listen)?);

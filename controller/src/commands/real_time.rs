@@ -79,10 +79,13 @@ impl RealTimeArgs {
         let mut observers: Vec<Observer> = Vec::with_capacity(machine.buses.len());
         for bus in 0..machine.buses.len() {
             observers.push(if lockstep(machine) {
-                Box::new(frames.observer(bus))
+                Box::new(frames.relay(bus))
             } else {
                 listeners.overhear(bus, frames.clone())?
             });
+        }
+        if lockstep(machine) {
+            listeners.catch_up(frames.clone())?;
         }
         let (world, ports) = port::open(machine, self.seed, observers)?;
         for port in &ports {

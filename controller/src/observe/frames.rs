@@ -3,17 +3,22 @@
 use super::sent::{Hearing, SentSetpoints};
 use crate::bus_log;
 use crate::machine::Machine;
+use rtrb::{Consumer, RingBuffer};
 use sha2::{Digest, Sha256};
 use std::collections::VecDeque;
 use std::io;
 use std::mem::take;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, Instant};
-use syncline_drives::bus::Transmission;
+use syncline_drives::bus::{Sender, Transmission};
 
 /// Longer than any frame takes at the lowest bit rate of CANopen.
 const LONGEST_FRAME: Duration = Duration::from_millis(20);
+
+/// Frames of a bus on their way from the cycle to the log: of more than two seconds at 1 Mbit/s.
+const RELAYED: usize = 1 << 15;
 
 /// Where virtual time begins in a log, since 1970; can-utils take 0 for no time at all.
 pub const VIRTUAL_ORIGIN: Duration = Duration::from_secs(1);
@@ -32,6 +37,15 @@ pub struct FrameLog {
     origin: Duration,
     /// The first failure to write the log.
     failed: Option<io::Error>,
+    relays: Vec<Relay>,
+}
+
+/// Frames of a bus that a cycle in real time hands over.
+#[derive(Debug)]
+struct Relay {
+    bus: usize,
+    frames: Consumer<Transmission>,
+    missed: Arc<AtomicU64>,
 }
 
 #[derive(Debug)]
@@ -69,6 +83,7 @@ impl FrameLog {
             log: bus_log::BusLog::default(),
             origin: VIRTUAL_ORIGIN,
             failed: None,
+            relays: Vec::new(),
         }
     }
 
@@ -88,6 +103,25 @@ impl FrameLog {
         }
         log.bits += u64::from(frame.bits);
         self.digest_before(frame.start, LONGEST_FRAME);
+    }
+
+    /// Takes what was relayed, of all buses in the order in which their frames ended.
+    fn catch_up(&mut self) {
+        loop {
+            let heads = self.relays.iter_mut().enumerate();
+            let heads = heads.filter_map(|(at, relay)| Some((relay.frames.peek().ok()?.end, at)));
+            let Some((_, first)) = heads.min() else { break };
+            let relay = &mut self.relays[first];
+            let bus = relay.bus;
+            if let Ok(frame) = relay.frames.pop() {
+                self.record(bus, &frame);
+            }
+        }
+        let missed = self.relays.iter();
+        let missed: u64 = (missed.map(|relay| relay.missed.load(Ordering::Relaxed))).sum();
+        if missed > 0 && self.failed.is_none() {
+            self.failed = Some(io::Error::other(format!("{missed} frames came too fast")));
+        }
     }
 
     /// Digests what can no longer be overtaken: what started `margin` before `now`.
@@ -154,7 +188,39 @@ impl SharedFrames {
         Self(Arc::new(Mutex::new(FrameLog::new(machine))))
     }
 
-    /// What records the frames of a bus.
+    /// What hands over the frames of a bus out of a cycle in real time: no lock is taken and no memory asked for there. They are
+    /// recorded as somebody looks at the frames, or [catches up](Self::catch_up) with them.
+    pub fn relay(&self, bus: usize) -> impl FnMut(&Transmission) + Send + 'static {
+        let (mut tell, mut frames) = RingBuffer::new(RELAYED);
+        // No page of it is touched for the first time in the cycle.
+        let blank = Transmission {
+            start: Instant::ZERO,
+            end: Instant::ZERO,
+            bits: 0,
+            sender: Sender::Port,
+            frame: Frame::new(CobId::SYNC, &[]),
+        };
+        while tell.push(blank).is_ok() {}
+        while frames.pop().is_ok() {}
+        let missed = Arc::new(AtomicU64::new(0));
+        self.lock().relays.push(Relay {
+            bus,
+            frames,
+            missed: Arc::clone(&missed),
+        });
+        move |frame| {
+            if tell.push(*frame).is_err() {
+                missed.fetch_add(1, Ordering::Relaxed);
+            }
+        }
+    }
+
+    /// Records what was [relayed](Self::relay) so far.
+    pub fn catch_up(&self) {
+        drop(self.lock());
+    }
+
+    /// What records the frames of a bus at once, in virtual time.
     pub fn observer(&self, bus: usize) -> impl FnMut(&Transmission) + Send + 'static {
         let frames = self.clone();
         move |frame| frames.lock().record(bus, frame)
@@ -164,8 +230,12 @@ impl SharedFrames {
     /// switched on.
     #[must_use]
     pub fn listen(&self, machine: &Machine) -> SentSetpoints {
-        let (hearing, sent) = Hearing::new(machine);
-        self.lock().hearing = Some(hearing);
+        let (hearing, mut sent) = Hearing::new(machine);
+        let mut frames = self.lock();
+        frames.hearing = Some(hearing);
+        if !frames.relays.is_empty() {
+            sent.hear_from(self.clone());
+        }
         sent
     }
 
@@ -207,7 +277,9 @@ impl SharedFrames {
     }
 
     fn lock(&self) -> MutexGuard<'_, FrameLog> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        let mut frames = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        frames.catch_up();
+        frames
     }
 }
 

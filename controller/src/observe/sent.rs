@@ -17,6 +17,7 @@
 //! [`Row::sync`]: crate::control::Row::sync
 //! [`Drive::position_objects`]: syncline_drives::model::Drive::position_objects
 
+use super::frames::SharedFrames;
 use super::mapping::{Heard, PdoMappings};
 use crate::machine::Machine;
 use crossbeam::channel::{self, Receiver, Sender};
@@ -137,6 +138,7 @@ impl Hearing {
         let (tell, told) = channel::unbounded();
         let sent = SentSetpoints {
             told,
+            relayed: None,
             drives: vec![VecDeque::new(); machine.drives.len()],
         };
         let buses = buses.collect();
@@ -174,13 +176,23 @@ impl Hearing {
 #[derive(Debug)]
 pub struct SentSetpoints {
     told: Receiver<Latched>,
+    /// What is told of frames that are heard only as somebody asks for them.
+    relayed: Option<SharedFrames>,
     /// By drive: of SYNCs that were not asked for yet.
     drives: Vec<VecDeque<(u64, Increments)>>,
 }
 
 impl SentSetpoints {
+    /// Hears the frames as it is asked for them.
+    pub(super) fn hear_from(&mut self, relayed: SharedFrames) {
+        self.relayed = Some(relayed);
+    }
+
     /// Goes on to the SYNC with this number, behind those before.
     pub(super) fn go_on_to(&mut self, sync: u64) {
+        if let Some(relayed) = &self.relayed {
+            relayed.catch_up();
+        }
         for latched in self.told.try_iter() {
             self.drives[latched.drive].push_back((latched.sync, latched.position));
         }
@@ -214,6 +226,7 @@ mod tests {
         let buses = vec![Bus::new([(DriveHeard::new(0, positions), NODE, &[][..])])];
         let sent = SentSetpoints {
             told,
+            relayed: None,
             drives: vec![VecDeque::new()],
         };
         (Hearing { buses, tell }, sent)
