@@ -7,7 +7,7 @@
 pub mod cause;
 
 use crate::budget::DoesNotFit;
-use crate::control::{Event as MachineEvent, Layout};
+use crate::control::Layout;
 use crate::machine::{Machine, MachineState};
 use crate::observe::Observers;
 use crate::observe::record::Report;
@@ -16,7 +16,7 @@ use crate::port::PortError;
 use crate::program::{Program, ProgramError, Programs};
 use crate::run::virtual_time::VirtualMachine;
 use crate::run::{Progress, RunError};
-use crate::session::{Command, Event, NotTaken, Session, Status};
+use crate::session::{Command, Event, NotTaken, PassesStops, Session, Status};
 use std::error::Error;
 use std::io;
 use std::path::Path;
@@ -114,15 +114,13 @@ impl Inputs {
         };
         let mut session = Session::new(layout, timeline, moves, observers);
         let (told, nobody) = (session.subscribe(), session.operator("validate"));
+        let passes_stops = PassesStops::new(session.operator("validate"));
         let (mut stopped, mut problem) = (false, None);
         while session.advance() != Progress::Ended {
             for event in told.events() {
-                match event {
-                    Event::Machine(MachineEvent::Paused { .. }) => {
-                        nobody.command(Command::CycleStart)?;
-                    }
-                    Event::Problem(error) => problem = problem.or(Some(error)),
-                    _ => {}
+                passes_stops.hear(&event)?;
+                if let Event::Problem(error) = event {
+                    problem = problem.or(Some(error));
                 }
             }
             if !stopped && !goes_on(session.status()) {

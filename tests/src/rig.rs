@@ -22,7 +22,9 @@ use syncline_controller::port::{Port, PortError};
 use syncline_controller::program::Programs;
 use syncline_controller::run::Progress;
 use syncline_controller::run::virtual_time::VirtualMachine;
-use syncline_controller::session::{self, Command, Operator, Refused, Session, Subscription};
+use syncline_controller::session::{
+    self, Command, Operator, PassesStops, Refused, Session, Subscription,
+};
 use syncline_drives::bus::{Sender, Transmission};
 use syncline_drives::twin::{Config, SimulatedDevice};
 use syncline_drives::world::{BusId, DeviceId, Observer, World};
@@ -171,6 +173,7 @@ pub struct Rig {
     /// The machine as operators have it.
     pub session: Session<VirtualMachine<TappedPort>>,
     operator: Operator,
+    passes_stops: PassesStops,
     told: Subscription,
     /// In the order of the machine file.
     twins: Vec<DeviceId>,
@@ -286,6 +289,7 @@ impl Rig {
         };
         Self {
             operator: session.operator("rig"),
+            passes_stops: PassesStops::new(session.operator("rig")),
             told: session.subscribe(),
             session,
             twins: devices.into_iter().flatten().collect(),
@@ -368,6 +372,9 @@ impl Rig {
         let goes_on = self.session.advance() != Progress::Ended;
         let now = self.session.timeline().now();
         for event in self.told.events() {
+            if self.goes_on {
+                self.passes_stops.hear(&event).expect("there is room");
+            }
             let event = match event {
                 session::Event::Machine(event) => event,
                 session::Event::Refused(refused) => {
@@ -397,10 +404,6 @@ impl Rig {
                     self.switches.push(switch);
                 }
                 Event::Phase(phase) => self.phases.push((phase, now)),
-                Event::Paused { .. } if self.goes_on => {
-                    let taken = self.operator.command(Command::CycleStart);
-                    taken.expect("there is room");
-                }
                 _ => {}
             }
             self.events.push(event);

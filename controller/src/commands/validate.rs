@@ -19,7 +19,7 @@ use crate::program::bounds::TimeBounds;
 use crate::program::{Extent, Program};
 use crate::run::Progress;
 use crate::run::virtual_time::VirtualMachine;
-use crate::session::{Command, Event, NotTaken, Operator, Session, Status};
+use crate::session::{Command, Event, NotTaken, Operator, PassesStops, Session, Status};
 use crate::validate::cause::Again;
 use crate::validate::{Inputs, judged};
 use std::error::Error;
@@ -221,7 +221,8 @@ impl Args {
         });
         let mut commands = commands.transpose()?;
         self.switches.set(&session.operator("command line"))?;
-        let (told, nobody) = (session.subscribe(), session.operator("validate"));
+        let told = session.subscribe();
+        let passes_stops = PassesStops::new(session.operator("validate"));
         let mut script = Script {
             operator: session.operator("events"),
             events,
@@ -246,11 +247,9 @@ impl Args {
                 bar.set_message(format!("line {shown}"));
             }
             for event in told.events() {
+                passes_stops.hear(&event)?;
                 match event {
                     Event::Machine(event) => {
-                        if let MachineEvent::Paused { .. } = event {
-                            nobody.command(Command::CycleStart)?;
-                        }
                         if repeats.is_news(&event, now)
                             && let Some(text) = self.text(&event, &*layout)
                         {

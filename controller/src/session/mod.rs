@@ -16,6 +16,7 @@
 //! - `job`: the program that runs: where on its moves the setpoint is
 //! - `remaining`: how long it still takes
 //! - [`Recorded`]: commands of a session that was recorded, given once more
+//! - [`PassesStops`]: an operator who goes on at every program stop
 //!
 //! Whoever calls [`Session::advance`] lends the session its thread, and nothing in there waits: not
 //! for a subscriber, not for an operator, not for the planner of a machine in real time. So a
@@ -31,12 +32,14 @@ mod recorded;
 mod remaining;
 mod settings;
 mod status;
+mod stops;
 
 pub use channel::{Accepted, Event, NotTaken, Operator, Refused, Subscription, Taken};
 pub use command::{Command, Direction, Jog, Refusal};
 pub use recorded::Recorded;
 pub use settings::{LEAST, MOST_FEED, MOST_RAPID, Override, Settings, StepChange, SwitchChange};
 pub use status::{Squareness, Status, StatusView, Stopped};
+pub use stops::PassesStops;
 
 use crate::control::{
     self, Fault, Layout, MachineFunctions, NotNow, Order, Outcome, Request, Row, State, Switch,
