@@ -200,8 +200,13 @@ impl Writer {
         let to = match self.dice.weighted(&[3, 5, 1]) {
             0 => self.dice.between(least, most),
             1 => {
-                let way = travel * self.dice.decades(-3, 2);
-                self.at[axis] + if self.dice.chance(0.5) { way } else { -way }
+                let distance = travel * self.dice.decades(-3, 2);
+                self.at[axis]
+                    + if self.dice.chance(0.5) {
+                        distance
+                    } else {
+                        -distance
+                    }
             }
             _ => *self.dice.pick(&[least, most]),
         };
@@ -332,9 +337,9 @@ impl Writer {
     fn incremental(&mut self) {
         let axis = self.dice.below(self.axes.len());
         let to = self.target(axis);
-        let way = rounded(to - self.at[axis], DECIMALS);
-        self.push(format!("G91 G1 {}{way}", self.axes[axis].letter));
-        self.at[axis] += way;
+        let distance = rounded(to - self.at[axis], DECIMALS);
+        self.push(format!("G91 G1 {}{distance}", self.axes[axis].letter));
+        self.at[axis] += distance;
         self.push("G90");
     }
 

@@ -22,9 +22,9 @@ const NAME: &str = "outputs";
 
 /// A state that lasts for less may not be seen, cycles.
 const SHORT: f64 = 3.0;
-/// How much earlier than by the program's dwells and ways a state may end, cycles.
+/// How much earlier than by the program's dwells and distances a state may end, cycles.
 const EARLY: f64 = 2.0;
-/// How many cycles' ways the setpoints may be off the place of a code.
+/// How many cycles' distances the setpoints may be off the place of a code.
 const OFF: f64 = 2.0;
 /// Variances of a shaper's delays, parts of the squared period of a mode: those without damping, which makes them smaller.
 const VARIANCES: [(&str, f64); 4] = [
@@ -58,7 +58,7 @@ pub(super) struct Outputs {
     /// Outputs are to be safe.
     to_be_safe: bool,
     /// By axis: where its setpoints were at the last SYNCs, mm.
-    ways: Vec<VecDeque<f64>>,
+    setpoints: Vec<VecDeque<f64>>,
     /// By axis: how far a shaper has its setpoints off where they were the mean of its delay ago, mm.
     shaped: Vec<f64>,
 }
@@ -240,7 +240,7 @@ impl Outputs {
             job: None,
             aside: false,
             to_be_safe: true,
-            ways: vec![VecDeque::new(); machine.axes.len()],
+            setpoints: vec![VecDeque::new(); machine.axes.len()],
             shaped: shaped(scene),
         }
     }
@@ -391,32 +391,35 @@ impl Outputs {
 
     /// Where setpoints are at the last SYNC, and how far they went at most in a cycle lately, by axis.
     fn setpoints(&mut self, scene: &Scene<'_>) {
-        for (axis, ways) in scene.machine.axes.iter().zip(&mut self.ways) {
+        for (axis, setpoints) in scene.machine.axes.iter().zip(&mut self.setpoints) {
             let drive = axis.drives[0];
             if let Some(at) = scene.drives[drive].latched {
-                ways.push_back(scene.mm(drive, at));
+                setpoints.push_back(scene.mm(drive, at));
             }
-            if ways.len() > 4 {
-                ways.pop_front();
+            if setpoints.len() > 4 {
+                setpoints.pop_front();
             }
         }
     }
 
     /// Whether setpoints are where a step begins, as far as the places of the axes are known.
     fn is_at(&self, scene: &Scene<'_>, place: &[Option<f64>], tolerance: f64) -> bool {
-        let axes = scene.machine.axes.iter().zip(place).zip(&self.ways);
+        let axes = scene.machine.axes.iter().zip(place).zip(&self.setpoints);
         let axes = axes.enumerate();
-        let mut axes =
-            axes.filter_map(|(index, ((axis, place), ways))| Some((index, axis, (*place)?, ways)));
-        axes.all(|(index, axis, place, ways)| {
-            let steps = ways.iter().zip(ways.iter().skip(1));
+        let mut axes = axes.filter_map(|(index, ((axis, place), setpoints))| {
+            Some((index, axis, (*place)?, setpoints))
+        });
+        axes.all(|(index, axis, place, setpoints)| {
+            let steps = setpoints.iter().zip(setpoints.iter().skip(1));
             let most = steps
                 .map(|(from, to)| (to - from).abs())
                 .fold(0.0, f64::max);
             let resolution = scene.machine.drives[axis.drives[0]].scaling.resolution();
             let off = scene.uncertainty[index] + self.shaped[index];
             let allowed = tolerance + off + OFF * (most + resolution);
-            ways.back().is_none_or(|at| (at - place).abs() <= allowed)
+            setpoints
+                .back()
+                .is_none_or(|at| (at - place).abs() <= allowed)
         })
     }
 
@@ -444,7 +447,7 @@ impl Outputs {
                 let shows = to > from && !stays;
                 let at = !(calm && shows) || self.is_at(scene, &step.place, step.tolerance);
                 if looks(&step.state) && at {
-                    // On one of the ways there it has been for the longest.
+                    // On one of the paths there it has been for the longest.
                     let since = if to == from { since } else { scene.now };
                     match reached.iter_mut().find(|(it, _)| *it == to) {
                         Some((_, known)) => *known = since.min(*known),
@@ -519,8 +522,8 @@ impl Outputs {
             let steps = &job.script.steps[*first..];
             &steps[..steps.len().min(3)]
         });
-        let ways: Vec<_> = self.ways.iter().map(VecDeque::back).collect();
-        format!("{own:?}; setpoints {ways:?}; states {at:?} from {steps:?}")
+        let setpoints: Vec<_> = self.setpoints.iter().map(VecDeque::back).collect();
+        format!("{own:?}; setpoints {setpoints:?}; states {at:?} from {steps:?}")
     }
 
     /// An R_PDO came with an output that is to be safe.

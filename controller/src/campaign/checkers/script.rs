@@ -355,15 +355,15 @@ impl Reader<'_> {
             None => *at,
             Some(_) if is_cycle || self.compensated => None,
             Some(to) if self.absolute => *to,
-            Some(way) => at.zip(*way).map(|(at, way)| at + way),
+            Some(by) => at.zip(*by).map(|(at, by)| at + by),
         });
         let there: Vec<Option<f64>> = there.collect();
-        let ways = self.at.iter().zip(&there);
-        let ways = ways.map(|(from, to)| Some(((*to)? - (*from)?).abs()));
-        let ways: Vec<Option<f64>> = ways.collect();
-        let mut named = ways.iter().zip(to).filter(|(_, to)| to.is_some());
-        let is_known = named.all(|(way, _)| way.is_some());
-        let moves = !is_line || ways.iter().flatten().any(|way| *way > SAME);
+        let distances = self.at.iter().zip(&there);
+        let distances = distances.map(|(from, to)| Some(((*to)? - (*from)?).abs()));
+        let distances: Vec<Option<f64>> = distances.collect();
+        let mut named = distances.iter().zip(to).filter(|(_, to)| to.is_some());
+        let is_known = named.all(|(distance, _)| distance.is_some());
+        let moves = !is_line || distances.iter().flatten().any(|distance| *distance > SAME);
         if !moves && is_known {
             self.at = there;
             return Some(());
@@ -380,9 +380,9 @@ impl Reader<'_> {
         }
         self.since_motion = self.script.steps.len();
         if is_line && self.is_exact && !self.compensated {
-            let axes = self.reading.axes.iter().zip(&ways);
-            let times = axes.filter_map(|(axis, way)| {
-                Some((((*way)? - 2.0 * tolerance) / axis.velocity).max(0.0))
+            let axes = self.reading.axes.iter().zip(&distances);
+            let times = axes.filter_map(|(axis, distance)| {
+                Some((((*distance)? - 2.0 * tolerance) / axis.velocity).max(0.0))
             });
             let time = times.fold(0.0, f64::max);
             self.last(time);
