@@ -7,6 +7,7 @@ use syncline_trajectory::path::Command as PathCommand;
 
 /// What the program feeds to the cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(clippy::large_enum_variant)] // a ring's slots are all of one size
 pub enum Instruction<const N: usize> {
     /// The next command of the plan, but for its marks.
     Plan(PathCommand<N>),
