@@ -40,7 +40,7 @@ pub(super) fn save(
     after: &Tables,
     set: &Places,
 ) -> Result<(), TablesError> {
-    let changes = Changes::between(before, after, set);
+    let mut changes = Changes::between(before, after, set);
     if changes.set.is_empty() {
         return Ok(());
     }
@@ -54,7 +54,9 @@ pub(super) fn save(
     let now = Tables::parse(file, &text)?;
     let broken = |error| cannot_write(io::Error::other(error));
     let mut document: DocumentMut = text.parse().map_err(broken)?;
-    changes.check(file, &Changes::values(&now))?;
+    let there = Changes::values(&now);
+    changes.check(file, &there)?;
+    changes.leave_out(&there);
     changes.write(&mut document);
     match document.to_string() {
         same if same == text => Ok(()),
@@ -238,6 +240,14 @@ impl<'a> Changes<'a> {
             }
         }
         Ok(())
+    }
+
+    /// Leaves out what the file has already, zeros of what it does not name among it.
+    fn leave_out(&mut self, there: &Values) {
+        self.set.retain(|place, value| match there.get(place) {
+            Some(is) => is != value,
+            None => *value != 0.0 || place.1 == Column::Diameter,
+        });
     }
 
     fn write(&self, document: &mut DocumentMut) {

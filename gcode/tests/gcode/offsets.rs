@@ -289,6 +289,32 @@ fn a_value_that_is_set_to_what_it_was_is_set() {
     }
 }
 
+/// What a file has already, in whatever form, leaves it as it is, and makes none; zeros of what it does not name among it.
+#[test]
+fn what_is_set_and_there_writes_nothing() {
+    let directory = tempfile::tempdir().unwrap();
+    let file = directory.path().join("portal.tables.toml");
+    let tables = "[work_offsets]\nG54 = { X = 400 }\n";
+    for (text, block) in [
+        (Some(tables), "G92.1\nG10 L2 P3 X0 Y0\nG10 L2 P1 X400"),
+        (Some(""), "G92.1\nG10 L2 P3 X0 Y0 R0"),
+        (None, "G92.1\nG10 L2 P3 X0 Y0"),
+    ] {
+        let _ = std::fs::remove_file(&file);
+        let mut setup = xyz();
+        if let Some(text) = text {
+            std::fs::write(&file, text).unwrap();
+            setup.tables = Tables::load(&file).unwrap();
+        }
+        let before = setup.tables.clone();
+        let mut program = Interpreter::from_text("part.ngc", format!("{block}\nM2"), setup);
+        assert!(program.by_ref().all(|it| it.is_ok()), "{block}");
+        program.save_tables(&file, &before).unwrap();
+        let left = std::fs::read_to_string(&file).ok();
+        assert_eq!(left.as_deref(), text, "{block}");
+    }
+}
+
 /// A link in the place of the new file leads nowhere, a link to the tables to the tables.
 #[test]
 fn saving_follows_no_planted_link() {
