@@ -129,22 +129,28 @@ fn it_is_held_to_what_it_can_do_when_files_are_checked() {
         let wrong = checked(lines).unwrap_err();
         assert!(wrong.contains(told), "{wrong}");
     }
-    for (from, to, told) in [
+    let swapped = [
+        ("drives = [\"X\"]", "drives = [\"spindle\"]"),
+        ("\ndrive = \"spindle\"", "\ndrive = \"X\""),
+    ];
+    for (changes, told) in [
         // 6042h has 16 bits.
         (
-            "max_speed = 3000",
-            "max_speed = 3277",
+            &[("max_speed = 3000", "max_speed = 3277")][..],
             "beyond what drive \"spindle\" can be sent",
         ),
         (
-            "drives = [\"X\"]",
-            "drives = [\"spindle\"]",
+            &swapped,
             "axis \"X\": drive \"spindle\" (CiA 402 VL) tells no position",
         ),
-        ("ramp_ms = 300 ", "ramp_ms = 0 ", "`ramp_ms` is 0"),
+        (&swapped[..1], "drive \"spindle\" already moves axis \"X\""),
+        (&[("ramp_ms = 300 ", "ramp_ms = 0 ")], "`ramp_ms` is 0"),
     ] {
-        assert!(text.contains(from));
-        let wrong = parse(&text.replace(from, to)).unwrap_err();
+        let changed = changes.iter().fold(text.clone(), |text, (from, to)| {
+            assert!(text.contains(from), "{from}");
+            text.replace(from, to)
+        });
+        let wrong = parse(&changed).unwrap_err();
         assert!(wrong.contains(told), "{wrong}");
     }
 }
