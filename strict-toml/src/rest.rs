@@ -53,6 +53,9 @@ impl Rest {
     pub fn of(source: &str) -> Option<Self> {
         let (mut text, mut gaps) = (source.to_owned(), Gaps::default());
         let (_, seen) = DeTable::parse_recoverable(source);
+        if seen.len() > MOST {
+            return None;
+        }
         let mut seen: Vec<_> = seen.iter().filter_map(|it| it.span()).collect();
         let mut hidden = Vec::new();
         for _ in 0..MOST {

@@ -120,7 +120,11 @@ impl FrameLog {
         let missed = self.relays.iter();
         let missed: u64 = (missed.map(|relay| relay.missed.load(Ordering::Relaxed))).sum();
         if missed > 0 && self.failed.is_none() {
-            self.failed = Some(io::Error::other(format!("{missed} frames came too fast")));
+            let what = format!(
+                "{missed} frames came faster than they were recorded: the log, its digest and what is judged of sent \
+                 setpoints lack them; run again on a host that does less beside"
+            );
+            self.failed = Some(io::Error::other(what));
         }
     }
 
