@@ -248,6 +248,15 @@ impl<const N: usize> Controller<N> {
             Order::Retrace if self.reached().is_some_and(StopPoint::leaves_path) => {
                 return Err(Refusal::NoWayBack);
             }
+            // From the beginning of a block on into the one before, only once the axes have come there: what is shaped
+            // would cut the corner.
+            Order::Retrace
+                if self.executor.retraces()
+                    && self.executor.is_held()
+                    && !self.shaping.is_settled() =>
+            {
+                return Err(Refusal::Moving);
+            }
             Order::Retrace => {
                 self.retraced_from = (self.planned.speed == 0.0).then_some(self.planned.distance);
                 // A pause that is told comes again when the path has come back to it.

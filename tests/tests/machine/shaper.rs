@@ -4,7 +4,7 @@ use super::day::{go, settle};
 use proptest::prelude::*;
 use proptest::sample::select;
 use std::path::Path;
-use syncline_controller::control::{End, Event, Hold, Phase, Switch};
+use syncline_controller::control::{End, Event, Hold, Order, Phase, Refusal, Switch};
 use syncline_controller::machine::Machine;
 use syncline_controller::session::{Command, Direction, Jog, Override};
 use syncline_gcode::AxisLetter;
@@ -104,6 +104,37 @@ fn check_tells_of_arcs_that_are_slowed_down() {
             Some(told) => assert!(out.contains(told), "{out}"),
             None => assert!(!out.contains("shaper"), "{out}"),
         }
+    }
+}
+
+/// Who steps back again and again cuts no corner: from one block into the one before it leads only once the axes rest.
+#[test]
+fn a_second_step_back_waits_until_the_axes_have_come_to_the_corner() {
+    let program = "G21 G90 G61.1 F6000\nG0 X100 Y100\nG1 X160\nY160\nM2\n";
+    let mut rig = portal(true, program);
+    let at = |rig: &Rig| {
+        rig.rows.last().map_or([0.0; 2], |row| {
+            let [x, y, ..] = row.plan.position;
+            [x, y]
+        })
+    };
+    rig.run_until(|rig| at(rig)[1] > 130.0);
+    let (mut refused, first) = (0, rig.rows.len());
+    while at(&rig)[0] > 130.0 {
+        let rows = rig.rows.len();
+        rig.run_until(|rig| rig.rows.len() > rows);
+        match rig.controller().obey(Order::Retrace) {
+            Ok(()) => {}
+            Err(Refusal::Moving) => refused += 1,
+            Err(other) => panic!("{other}"),
+        }
+        assert!(rows < first + 5_000, "it never goes back");
+    }
+    assert!((1..=LENGTH).contains(&refused), "{refused}");
+    for row in &rig.rows[first..] {
+        let [x, y, ..] = row.plan.position;
+        let off = (x - 160.0).abs().min((y - 100.0).abs());
+        assert!(off < 1e-6, "{off} mm beside the path at {x} {y}");
     }
 }
 

@@ -150,6 +150,10 @@ pub enum PathControlMode {
     },
 }
 
+/// What a shaper may leave a curve by, whatever its tolerance, mm: less is beyond what setpoints and encoders show, and with the
+/// root of it curves would be followed ever more slowly.
+pub const LEAST_SPARE: f64 = 1e-5;
+
 impl PathControlMode {
     /// How far a corner may be rounded off, mm; `None` where the path stops.
     pub fn rounding(self) -> Option<f64> {
@@ -162,7 +166,7 @@ impl PathControlMode {
     }
 
     /// What is left of it to the planner where a [shaper](Planner::shape_by) has its half of the tolerance, and that, mm;
-    /// where there is none, as at moves that end at rest, that is `exact`.
+    /// where there is none, as at moves that end at rest, that is `exact`. It is [`LEAST_SPARE`] at least.
     pub fn shared(self, exact: f64) -> (Self, f64) {
         let mode = match self {
             PathControlMode::Stop => self,
@@ -174,7 +178,7 @@ impl PathControlMode {
             },
         };
         let spare = Some(mode.tolerance()).filter(|spare| *spare > 0.0);
-        (mode, spare.unwrap_or(exact))
+        (mode, spare.unwrap_or(exact).max(LEAST_SPARE))
     }
 
     /// How far the path may leave what is programmed, mm.

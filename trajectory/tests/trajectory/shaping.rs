@@ -9,7 +9,8 @@ use syncline_trajectory::limits::{Limits as AxisLimits, PositionLimits};
 use syncline_trajectory::path::Plane;
 use syncline_trajectory::path::curve::ArcDefinition;
 use syncline_trajectory::path::{
-    Curve, Feed, Limits, Move, Overrides, PathControlMode, PathItem, Setpoint, Shaping, Travel,
+    Command, Curve, Feed, Limits, Move, Overrides, PathControlMode, PathItem, Planner, Setpoint,
+    Shaping, Travel,
 };
 use syncline_trajectory::shaper::{Kind, Shaper, Vibration};
 
@@ -432,6 +433,74 @@ fn strays(
     }
     let missed = nearest.into_iter().fold(0.0, f64::max);
     (most, missed, f64::from(cycles) * PERIOD)
+}
+
+/// Arcs that follow one another with the least and the greatest radius by turns, as the curves do that short lines become: none is
+/// cut into more than a few parts, however many there are.
+#[test]
+fn curves_are_cut_into_a_few_parts_however_many_there_are() {
+    let shaper = Shaper::new(
+        Kind::Zvd,
+        &[Vibration {
+            frequency: 8.0,
+            damping: 0.02,
+        }],
+    );
+    for (radii, length) in [
+        ([10.0, 10.0], 2.0),
+        ([8.0, 12.0], 2.0),
+        ([3.0, 50.0], 5.0),
+        ([20.0, 21.0], 0.3),
+    ] {
+        for count in [20, 80, 320] {
+            let mut planner = Planner::new(LIMITS, [0.0; 3]);
+            planner.shape_by(shaper.spread(PERIOD).unwrap(), EXACT);
+            let (mut heading, mut at) = (0.0_f64, [0.0; 3]);
+            let mut parts = 0;
+            let mut drain = |planner: &mut Planner<3>| {
+                while let Some(command) = planner.pop() {
+                    parts += usize::from(matches!(command, Command::PathSegment(_)));
+                }
+            };
+            for tag in 0..count {
+                let share = f64::from(tag % 16) / 15.0;
+                let radius = radii[0] + share * (radii[1] - radii[0]);
+                let centre = (
+                    at[0] - radius * heading.sin(),
+                    at[1] + radius * heading.cos(),
+                );
+                heading += length / radius;
+                let end = [
+                    centre.0 + radius * heading.sin(),
+                    centre.1 - radius * heading.cos(),
+                    0.0,
+                ];
+                let curve = Curve::arc(ArcDefinition {
+                    start: at,
+                    end,
+                    plane: Plane::Xy,
+                    centre,
+                    clockwise: false,
+                    turns: 0,
+                })
+                .unwrap();
+                at = end;
+                let motion = Move {
+                    curve,
+                    feed: Feed::Rate(50.0),
+                    mode: PathControlMode::Blend(0.05),
+                    tag,
+                };
+                planner.push(PathItem::Move(motion)).unwrap();
+                drain(&mut planner);
+            }
+            planner.finish();
+            drain(&mut planner);
+            let each = parts as f64 / f64::from(count);
+            println!("{radii:?} {length} mm, {count} arcs: {each:.2} parts each");
+            assert!(each < 5.0, "{parts} parts of {count} arcs");
+        }
+    }
 }
 
 proptest! {

@@ -259,8 +259,9 @@ impl<const N: usize> Planner<N> {
     }
 
     /// From now on the setpoints are shaped: they leave the path, and that, together with what the planner rounds off,
-    /// stays within each move's tolerance; moves without one, as those that end at rest, may be left by `exact` mm. Curves are followed no faster than that takes, and where the path stops between two moves it
-    /// rests until the axes do. Before the first item.
+    /// stays within each move's tolerance; moves without one, as those that end at rest, may be left by `exact` mm. Curves are
+    /// followed no faster than that takes, and where the path stops between two moves it rests until the axes do. Before the
+    /// first item.
     pub fn shape_by(&mut self, spread: Spread, exact: f64) {
         self.joiner.spread = Some(spread);
         self.shaped = Some(Shaped::new(spread));

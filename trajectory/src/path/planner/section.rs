@@ -6,7 +6,7 @@ use super::{KEPT, NOTHING};
 use crate::path::bounds::crawling_time;
 use crate::path::segment_fitting::MoveEnd;
 use crate::path::window::room_to_stop;
-use crate::path::{Limits, PathSegment, PathState};
+use crate::path::{Curve, Limits, PathSegment, PathState};
 
 /// Path segments in a window, at most.
 const WINDOW_PATH_SEGMENTS: usize = 1024;
@@ -186,16 +186,20 @@ pub(super) fn reach<const N: usize>(
 }
 
 fn top_speed<const N: usize>(path_segment: &PathSegment<N>, limits: &Limits<N>) -> f64 {
-    let axes = (0..N)
-        .map(|i| limits.velocity[i] * limits.velocity[i])
-        .sum::<f64>()
-        .sqrt();
-    let along = path_segment.curve.direction().map_or(axes, |d| {
-        (0..N)
-            .map(|i| limits.velocity[i] / d[i].abs())
-            .fold(f64::INFINITY, f64::min)
-    });
-    along.min(path_segment.speed)
+    most_speed(&path_segment.curve, limits).min(path_segment.speed)
+}
+
+/// No axis lets the path along a curve be faster, mm/s.
+pub(super) fn most_speed<const N: usize>(curve: &Curve<N>, limits: &Limits<N>) -> f64 {
+    match curve.direction() {
+        Some(along) => (0..N)
+            .map(|i| limits.velocity[i] / along[i].abs())
+            .fold(f64::INFINITY, f64::min),
+        None => {
+            let squares = limits.velocity.iter().map(|most| most * most);
+            squares.sum::<f64>().sqrt()
+        }
+    }
 }
 
 /// The end of the block that is under way at `from`, or of the first one where it is likely that

@@ -20,6 +20,10 @@
 //! zones, a curve is left by up to three times as much where the line before it is fast.) The least of what is
 //! spare in the zone counts: a line that has to be exact is left where a curve behind it is in the mean.
 //!
+//! Where a zone ends in the midst of a curve, that is cut. It is not where its own zone slows it down as much at least: each part
+//! of it would have a zone of its own and cut what is behind, so that a run of short lines became a number of parts that grew with the
+//! square of its length, a hundred for each curve in a minute of motion. Nor are parts cut off that are a small part of a zone.
+//!
 //! A zone reaches back, so what was laid is kept until nothing that may come can slow it down: as long as it takes
 //! to pass what is behind it at the greatest speeds that any override allows.
 //!
@@ -31,13 +35,14 @@
 
 use super::Planner;
 use super::joining::{FASTEST, Laid, LaidCurve};
+use super::section::most_speed;
 use crate::path::segment_fitting::MoveEnd;
 use crate::path::{Feed, Limits, Move};
 use crate::shaper::Spread;
 use std::collections::VecDeque;
 
-/// Where a zone ends so near to the end of a curve, by its own length, it ends there.
-const NEARLY: f64 = 0.05;
+/// No part that is cut off is less than that, by the length of the zone: it reaches so much further, or to the curve's end.
+const LEAST: f64 = 0.2;
 /// By such a part of its length a curve's parts may be off it together, for rounding.
 const NOTHING: f64 = 1e-6;
 
@@ -130,13 +135,11 @@ impl<const N: usize> Kept<N> {
 
 /// The greatest path speed along a curve with any override, mm/s.
 fn fastest<const N: usize>(laid: &LaidCurve<N>, limits: &Limits<N>) -> f64 {
-    let [along, ..] = laid.curve.derivative_bounds();
     let feed = match laid.feed {
         Feed::Rate(speed) => FASTEST * speed,
         Feed::Rapid | Feed::PerTurn { .. } => f64::INFINITY,
     };
-    let axes = limits.velocity.iter().zip(along);
-    axes.map(|(most, along)| most / along).fold(feed, f64::min)
+    most_speed(&laid.curve, limits).min(feed)
 }
 
 impl<const N: usize> Shaped<N> {
@@ -229,28 +232,38 @@ impl<const N: usize> Shaped<N> {
         let behind: Vec<_> = self.near(own + 1..self.kept.len(), reach).collect();
         let before: Vec<_> = self.near((0..own).rev(), reach).collect();
         // The last first: what is split moves those behind it on.
+        let least = LEAST * reach;
         for (place, away) in behind.into_iter().rev() {
-            self.slow_down(place, reach - away, speed, true);
+            self.slow_down(place, (reach - away).max(least), least, speed, true);
         }
         for (place, away) in before {
-            if self.slow_down(place, reach - away, speed, false) {
+            if self.slow_down(place, (reach - away).max(least), least, speed, false) {
                 self.zoned += 1;
             }
         }
     }
 
-    /// Slows down the first, or the last, so many mm of what is kept there, if it could be faster. Whether it was split.
-    fn slow_down(&mut self, place: usize, length: f64, speed: f64, first: bool) -> bool {
+    /// Slows down the first, or the last, so many mm of what is kept there, if it could be faster, and cuts off no less than
+    /// `least` mm. Whether it was split.
+    fn slow_down(
+        &mut self,
+        place: usize,
+        length: f64,
+        least: f64,
+        speed: f64,
+        first: bool,
+    ) -> bool {
         let kept = &mut self.kept[place];
         let top = match &kept.laid {
             Laid::Curve(laid) => laid.most.min(kept.length / kept.time),
             _ => 0.0,
         };
-        if top <= speed {
+        let own = self.spread.speed(kept.curvature, kept.spare());
+        if top.min(own) <= speed {
             return false;
         }
         let left = kept.length - length;
-        if left <= NEARLY * length {
+        if left <= least {
             kept.slow_down(speed);
             return false;
         }
