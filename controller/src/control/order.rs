@@ -186,6 +186,31 @@ impl<const N: usize> Order<N> {
 }
 
 impl<const N: usize> Controller<N> {
+    /// Goes back along the path, to the beginning of the block that it is on.
+    fn retrace(&mut self) -> Result<(), Refusal> {
+        if self.probing.is_active() {
+            return Err(Refusal::Probing);
+        }
+        if self.awaits_instructions() {
+            return Err(Refusal::NothingBehind);
+        }
+        if self.reached().is_some_and(StopPoint::leaves_path) {
+            return Err(Refusal::NoWayBack);
+        }
+        // From the beginning of a block on into the one before, only once the axes have come there: what is shaped
+        // would cut the corner.
+        if self.executor.retraces() && self.executor.is_held() && !self.shaping.is_settled() {
+            return Err(Refusal::Moving);
+        }
+        self.retraced_from = (self.planned.speed == 0.0).then_some(self.planned.distance);
+        // A pause that is told comes again when the path has come back to it.
+        if take(&mut self.pause_told) {
+            self.tell(Event::Retracing);
+        }
+        self.executor.retrace();
+        Ok(())
+    }
+
     /// Does what is ordered.
     ///
     /// # Errors
@@ -243,28 +268,7 @@ impl<const N: usize> Controller<N> {
             Order::Retrace | Order::Jog(_) if self.threading.is_active() => {
                 return Err(Refusal::Threading);
             }
-            Order::Retrace if self.probing.is_active() => return Err(Refusal::Probing),
-            Order::Retrace if self.awaits_instructions() => return Err(Refusal::NothingBehind),
-            Order::Retrace if self.reached().is_some_and(StopPoint::leaves_path) => {
-                return Err(Refusal::NoWayBack);
-            }
-            // From the beginning of a block on into the one before, only once the axes have come there: what is shaped
-            // would cut the corner.
-            Order::Retrace
-                if self.executor.retraces()
-                    && self.executor.is_held()
-                    && !self.shaping.is_settled() =>
-            {
-                return Err(Refusal::Moving);
-            }
-            Order::Retrace => {
-                self.retraced_from = (self.planned.speed == 0.0).then_some(self.planned.distance);
-                // A pause that is told comes again when the path has come back to it.
-                if take(&mut self.pause_told) {
-                    self.tell(Event::Retracing);
-                }
-                self.executor.retrace();
-            }
+            Order::Retrace => self.retrace()?,
             Order::Jog(_) if self.probing.is_active() => return Err(Refusal::Probing),
             Order::Jog(jog) => self.jog(jog).map_err(Refusal::Jog)?,
             Order::RenewJog(axis) => self.renew_jog(axis),
