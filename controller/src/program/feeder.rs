@@ -21,8 +21,8 @@ use std::sync::Arc;
 use syncline_gcode::{self as gcode, Action, Interpreter, Tables, TablesError};
 use syncline_trajectory::limits::PositionLimits;
 use syncline_trajectory::path::{
-    Command as PathCommand, Curve, Feed, LEAST_SPARE, Limits, Move, PathControlMode, PathItem,
-    Planner, ReplanRequest,
+    Command as PathCommand, Curve, Feed, Limits, Move, PathControlMode, PathItem, Planner,
+    ReplanRequest,
 };
 use syncline_trajectory::shaper::Spread;
 
@@ -427,11 +427,12 @@ impl Feeder {
             });
             self.upcoming.tell_modal(self.tag, &self.interpreter);
             self.tag += 1;
-            let tolerance = match (mode.tolerance(), self.spread) {
-                (tolerance, None) => tolerance.max(ON_THE_PATH),
-                (0.0, Some(_)) => self.tolerances.exact.max(2.0 * LEAST_SPARE),
-                // Half of it is the shaper's.
-                (tolerance, Some(_)) => tolerance.max(2.0 * LEAST_SPARE),
+            let tolerance = match self.shaped() {
+                None => mode.tolerance().max(ON_THE_PATH),
+                Some((_, exact)) => {
+                    let (planned, spare) = mode.shared(exact);
+                    planned.tolerance() + spare
+                }
             };
             (self.upcoming).tell(Step::Move(ProgramMove::new(
                 command.span.line,
