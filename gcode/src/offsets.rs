@@ -209,16 +209,12 @@ impl State {
                     }
                     self.set.tool(number, axis);
                 }
-                let radius = words.take(b'R', code)?;
-                let given_radius = radius.is_some();
-                if let Some(radius) = radius {
+                if let Some(radius) = words.take(b'R', code)? {
                     tool.diameter = 2.0 * radius * self.modes.unit();
                     if tool.diameter.abs() > 2.0 * RADIUS_LIMIT {
                         let fault = out_of_range('R', radius, "within 10 km");
                         return Err(words.refuse(b'R', fault));
                     }
-                }
-                if given_radius {
                     self.set.diameter(number);
                 }
                 self.setup.tables.tools.insert(number, tool);

@@ -9,8 +9,8 @@ use syncline_trajectory::limits::{Limits as AxisLimits, PositionLimits};
 use syncline_trajectory::path::Plane;
 use syncline_trajectory::path::curve::ArcDefinition;
 use syncline_trajectory::path::{
-    Command, Curve, Feed, Limits, Move, Overrides, PathControlMode, PathItem, Planner, Setpoint,
-    Shaping, Travel,
+    Command, Curve, Executor, Feed, Limits, Move, Overrides, PathControlMode, PathItem, Planner,
+    Setpoint, Shaping, Travel,
 };
 use syncline_trajectory::shaper::{Kind, Shaper, Vibration};
 
@@ -214,13 +214,44 @@ fn check(setpoints: &[Setpoint<3>]) -> Result<(), TestCaseError> {
     Ok(())
 }
 
+/// Who does one thing after the other, each so many cycles behind the one before, and resumes in the end what is held.
+struct Operator<'a> {
+    acts: &'a [(u32, Act)],
+    waited: u32,
+}
+
+impl Operator<'_> {
+    /// What is done in this cycle.
+    fn act(&mut self, executor: &mut Executor<3>) {
+        self.waited += 1;
+        match *self.acts {
+            [(wait, act), ref later @ ..] if self.waited > wait => {
+                match act {
+                    Act::Hold => executor.feed_hold(),
+                    Act::Resume => executor.resume(),
+                    Act::Override(feed) => {
+                        executor.set_overrides(Overrides { feed, rapid: 1.0 });
+                    }
+                    Act::Retrace => executor.retrace(),
+                }
+                (self.acts, self.waited) = (later, 0);
+            }
+            [] if executor.is_held() && self.waited > 200 => {
+                executor.resume();
+                self.waited = 0;
+            }
+            _ => {}
+        }
+    }
+}
+
 /// Goes along a path through a shaper, whatever an operator does; a stop past it begins at that setpoint.
 fn stays_inside(
     curves: &[Curve<3>],
     mode: PathControlMode,
     feed: f64,
     shaper: &Shaper,
-    acts: Vec<(u32, Act)>,
+    acts: &[(u32, Act)],
     stopped: Option<usize>,
 ) -> Result<(), TestCaseError> {
     let items: Vec<_> = curves
@@ -238,9 +269,7 @@ fn stays_inside(
     let mut machine = Machine::new(LIMITS, &items, start, PERIOD);
     let mut shaping = Shaping::new(shaper, PERIOD, machine.executor.setpoint());
     let mut setpoints = vec![machine.executor.setpoint()];
-    let mut acts = acts.into_iter();
-    let mut next = acts.next();
-    let mut waited = 0;
+    let mut operator = Operator { acts, waited: 0 };
     loop {
         let planned = match machine.advance() {
             Some(planned) => planned,
@@ -251,28 +280,7 @@ fn stays_inside(
         if Some(setpoints.len()) == stopped {
             break;
         }
-        waited += 1;
-        match next {
-            Some((wait, act)) if waited > wait => {
-                match act {
-                    Act::Hold => machine.executor.feed_hold(),
-                    Act::Resume => machine.executor.resume(),
-                    Act::Override(feed) => {
-                        machine
-                            .executor
-                            .set_overrides(Overrides { feed, rapid: 1.0 });
-                    }
-                    Act::Retrace => machine.executor.retrace(),
-                }
-                next = acts.next();
-                waited = 0;
-            }
-            None if machine.executor.is_held() && waited > 200 => {
-                machine.executor.resume();
-                waited = 0;
-            }
-            _ => {}
-        }
+        operator.act(&mut machine.executor);
     }
     let last = *setpoints.last().unwrap();
     if stopped.is_some() && !shaping.is_settled() {
@@ -330,15 +338,7 @@ fn a_stop_that_cannot_last_as_long_as_the_leads_is_the_fastest() {
     let modes = modes.map(|(frequency, damping)| Vibration { frequency, damping });
     let shaper = Shaper::new(Kind::Zvd, &modes);
     let mode = PathControlMode::Blend(0.3949298986028653);
-    stays_inside(
-        &curves,
-        mode,
-        196.8929797009274,
-        &shaper,
-        Vec::new(),
-        Some(151),
-    )
-    .unwrap();
+    stays_inside(&curves, mode, 196.8929797009274, &shaper, &[], Some(151)).unwrap();
 }
 
 /// How far a point is from the nearest of these curves, mm.
@@ -384,9 +384,8 @@ fn strays(
     let mut machine = Machine::new(LIMITS, &items, curves[0].start(), PERIOD);
     machine.shape_by(shaper.spread(PERIOD).unwrap(), exact);
     let mut shaping = Shaping::new(shaper, PERIOD, machine.executor.setpoint());
-    let mut acts = acts.iter();
-    let mut next = acts.next();
-    let (mut waited, mut cycles) = (0, 0);
+    let mut operator = Operator { acts, waited: 0 };
+    let mut cycles = 0;
     let mut most = 0.0_f64;
     let mut nearest = vec![f64::INFINITY; curves.len() - 1];
     let mut tags = std::collections::VecDeque::new();
@@ -408,28 +407,8 @@ fn strays(
         for (nearest, curve) in nearest.iter_mut().zip(curves) {
             *nearest = nearest.min(apart(&curve.end(), &shaped) - planned.speed * PERIOD);
         }
-        (waited, cycles) = (waited + 1, cycles + 1);
-        match next {
-            Some(&(wait, act)) if waited > wait => {
-                match act {
-                    Act::Hold => machine.executor.feed_hold(),
-                    Act::Resume => machine.executor.resume(),
-                    Act::Override(feed) => {
-                        machine
-                            .executor
-                            .set_overrides(Overrides { feed, rapid: 1.0 });
-                    }
-                    Act::Retrace => machine.executor.retrace(),
-                }
-                next = acts.next();
-                waited = 0;
-            }
-            None if machine.executor.is_held() && waited > 200 => {
-                machine.executor.resume();
-                waited = 0;
-            }
-            _ => {}
-        }
+        operator.act(&mut machine.executor);
+        cycles += 1;
     }
     let missed = nearest.into_iter().fold(0.0, f64::max);
     (most, missed, f64::from(cycles) * PERIOD)
@@ -577,7 +556,7 @@ proptest! {
         acts in prop::collection::vec(act(), 0..5),
         stopped in prop::option::of(1..600_usize),
     ) {
-        stays_inside(&curves, mode, feed, &shaper, acts, stopped)?;
+        stays_inside(&curves, mode, feed, &shaper, &acts, stopped)?;
     }
 
     /// A straight line stays straight, and a stop from the middle of it nearly so.

@@ -59,17 +59,22 @@ impl<const N: usize> Quintic<N> {
         d
     }
 
+    /// Coefficients of 1, u, u² … u⁵ of an axis.
+    fn coefficients(&self, axis: usize) -> [f64; 6] {
+        let mut all = [self.start[axis]; 6];
+        for (c, terms) in all[1..].iter_mut().zip(&self.terms) {
+            *c = terms[axis];
+        }
+        all
+    }
+
     /// The same curve with the parameter 1 − u.
     pub(super) fn reversed(&self) -> Self {
         // Coefficients by powers of 1 − u, by dividing again and again (Horner's scheme).
         let mut terms = [[0.0; N]; 5];
         let mut start = self.start;
         for i in 0..N {
-            let mut c = [0.0; 6];
-            c[0] = self.start[i];
-            for k in 0..5 {
-                c[k + 1] = self.terms[k][i];
-            }
+            let mut c = self.coefficients(i);
             for k in 0..5 {
                 for n in (k..5).rev() {
                     c[n] += c[n + 1];
@@ -88,11 +93,7 @@ impl<const N: usize> Quintic<N> {
         let mut terms = self.terms;
         for i in 0..N {
             // Taylor's shift.
-            let mut c = [0.0; 6];
-            c[0] = self.start[i];
-            for k in 0..5 {
-                c[k + 1] = self.terms[k][i];
-            }
+            let mut c = self.coefficients(i);
             for low in 0..5 {
                 for k in (low..5).rev() {
                     c[k] += from * c[k + 1];
