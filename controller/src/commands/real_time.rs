@@ -34,6 +34,10 @@ pub(super) struct RealTimeArgs {
     /// Make a late wake-up a fault on simulated buses too.
     #[arg(long)]
     strict: bool,
+    /// On simulated buses, let time stand still while the planner works: the frames are those of
+    /// `validate`, however slow the host is.
+    #[arg(long)]
+    wait_for_plan: bool,
     /// Real-time priority of the cycle, 1…99.
     #[arg(long, default_value_t = 80, value_parser = clap::value_parser!(u8).range(1..=99))]
     priority: u8,
@@ -69,6 +73,7 @@ impl RealTimeArgs {
             spin: self.spin,
             lockstep: lockstep(machine),
             strict: self.strict,
+            waits_for_plan: self.wait_for_plan,
         }
     }
 

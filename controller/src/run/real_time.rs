@@ -12,13 +12,18 @@
 //! One bounded queue of orders goes in, one of reports comes out; cycle and planner have a pair of
 //! their own. Nothing else is shared, and nobody who prints or writes stands in between.
 //!
-//! On the host's clock the cycle waits for nobody. Where every bus is simulated its time goes with the
-//! cycle, which waits for the plan, so that the motion does not depend on the host; it hears orders
-//! meanwhile. It waits for at most `PLAN_PATIENCE` for an instruction: then SYNC goes on as on the host's clock,
-//! what was planned ends at rest, and a path that rests for long without a plan is a fault
-//! ([`NoPlan`](crate::control::Fault::NoPlan)). Once it is to stop it waits for the planner for at most
-//! `PATIENCE`, each time anew, and at all times for whoever takes its reports for at most
-//! `REPORT_PATIENCE`, until they are taken again: then reports are lost, and counted.
+//! SYNC leaves in every cycle, whatever the planner does: what was planned ends at rest, and a path that
+//! rests for long without a plan is a fault ([`NoPlan`](crate::control::Fault::NoPlan)). On the host's clock the cycle
+//! waits for nobody. Where every bus is simulated its time goes with the cycle, which looks for the plan
+//! until half of the time from the setpoints to the next SYNC is over: a plan that comes as soon as that is there in the cycle in which it
+//! would be in virtual time, and one that comes later only makes the machine rest for longer before it.
+//!
+//! Whoever needs the frames of virtual time on every host has such a machine's time stand still for the
+//! planner ([`Timing::waits_for_plan`]); orders are heard meanwhile. It waits for at most `PLAN_PATIENCE` for
+//! an instruction and, once it is to stop, for at most `PATIENCE`, each time anew: then SYNC goes on.
+//!
+//! A simulated machine waits for whoever takes its reports for at most `REPORT_PATIENCE`, until they are taken
+//! again: then reports are lost, and counted.
 
 use super::driver::Driver;
 use super::ends::{Ends, HandedOver};
@@ -76,6 +81,8 @@ pub struct Timing {
     pub lockstep: bool,
     /// A late wake-up is a fault.
     pub strict: bool,
+    /// In `lockstep`, its time stands still while the planner works.
+    pub waits_for_plan: bool,
 }
 
 /// What the cycle measured.
@@ -152,6 +159,8 @@ pub struct Cycle {
     driver: Driver<COORDINATES, Box<dyn Port + Send>>,
     timing: Timing,
     period: Duration,
+    /// How long after the instant of its setpoints a simulated machine looks for the plan.
+    slack: Duration,
     instructions: Consumer<(u64, Instruction<COORDINATES>)>,
     orders: Consumer<(u64, Order)>,
     reports: Producer<CycleReport>,
@@ -193,6 +202,7 @@ impl Cycle {
             driver,
             timing,
             period: layout.cycle,
+            slack: layout.cycle.saturating_sub(layout.setpoint_offset) / 2,
             instructions,
             orders,
             reports: report,
@@ -277,7 +287,10 @@ impl Cycle {
             if setpoints {
                 self.obey();
                 if self.timing.lockstep {
-                    origin += self.take_plan(usize::MAX);
+                    let waited = self.take_plan(usize::MAX, due + self.slack);
+                    if self.timing.waits_for_plan {
+                        origin += waited;
+                    }
                 }
             }
             let begun = realtime::now();
@@ -312,7 +325,7 @@ impl Cycle {
                 self.driver.push_tool();
                 // Behind the setpoints, which nothing is to delay.
                 if !self.timing.lockstep {
-                    self.take_plan(TAKEN_AT_ONCE);
+                    self.take_plan(TAKEN_AT_ONCE, woke);
                 }
             } else if let Some(last) = last_sync.replace(woke) {
                 let jitter = woke.saturating_since(last).abs_diff(self.period);
@@ -340,9 +353,9 @@ impl Cycle {
         }
     }
 
-    /// Fills the controller's plan with `most` instructions at most. A simulated machine waits
-    /// until it is full, so that its motion does not depend on the host; returns how long.
-    fn take_plan(&mut self, most: usize) -> Duration {
+    /// Fills the controller's plan with `most` instructions at most. A simulated machine looks for them
+    /// until it is full or it is `until`, or for as long as it has patience; returns how long it waited.
+    fn take_plan(&mut self, most: usize, until: Instant) -> Duration {
         let mut waited = Duration::ZERO;
         let mut taken = 0;
         if self.driver.controller.phase() != Phase::Stop {
@@ -362,7 +375,7 @@ impl Cycle {
                     taken += 1;
                 }
                 // Interrupted if the other side is gone, so that this ends.
-                Err(_) if self.waits_for_plan() => {
+                Err(_) if self.waits(until) => {
                     thread::sleep(NAP);
                     waited += NAP;
                     self.plan_patience = self.plan_patience.saturating_sub(NAP);
@@ -377,8 +390,13 @@ impl Cycle {
         waited
     }
 
-    fn waits_for_plan(&self) -> bool {
-        self.timing.lockstep && !self.plan_patience.is_zero() && !self.patience.is_zero()
+    fn waits(&self, until: Instant) -> bool {
+        match self.timing.waits_for_plan {
+            true => {
+                self.timing.lockstep && !self.plan_patience.is_zero() && !self.patience.is_zero()
+            }
+            false => self.timing.lockstep && realtime::now() < until,
+        }
     }
 
     /// Asks the planner for what is wanted of it and was not asked for yet. Where there is no room

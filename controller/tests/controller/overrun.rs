@@ -296,6 +296,7 @@ fn the_stage_that_made_a_wake_up_late_is_told() {
         spin: Duration::ZERO,
         lockstep: true,
         strict: false,
+        waits_for_plan: false,
     };
     let (cycle, link, instructions) = Cycle::new(&layout, world, vec![Box::new(slow)], timing);
     // Nobody is there: it begins its way down at once.

@@ -62,6 +62,9 @@ impl Recorded {
         if name != "replay" {
             command.arg("--candump").arg(&self.log);
         }
+        if name == "run" {
+            command.arg("--wait-for-plan");
+        }
         command
     }
 

@@ -777,7 +777,7 @@ fn commands_probe() {
     let program = folder.file("touch.ngc", text);
     let log = folder.path("run.log").display().to_string();
     for (verb, arguments) in [
-        ("run", &["--candump", &log][..]),
+        ("run", &["--wait-for-plan", "--candump", &log][..]),
         ("validate", &[]),
         ("check", &[]),
     ] {

@@ -228,7 +228,8 @@ fn every_command_knows_it() {
     let (code, validated, told) = output(&["validate", "--json", "-"]);
     assert_eq!(code, 0, "{told}");
     let log_to = ["--candump", &log, "--commands", &commands];
-    let (code, ran, told) = output(&[&["run", "--json", "-"], &log_to[..]].concat());
+    let (code, ran, told) =
+        output(&[&["run", "--wait-for-plan", "--json", "-"], &log_to[..]].concat());
     assert_eq!(code, 0, "{told}");
     assert_eq!(frames(&validated), frames(&ran));
     let (code, _, told) = output(&["replay", &log, "--commands", &commands]);

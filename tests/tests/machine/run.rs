@@ -47,7 +47,7 @@ fn a_program_runs_to_its_end_and_leaves_its_files() {
         ["--trace", &trace, "--json", &json, "--report", &report],
         ["--candump", &candump, "--pcapng", &packets, "--seed", "5"],
     ];
-    let arguments = [files.as_flattened(), &["--verbose"]].concat();
+    let arguments = [files.as_flattened(), &["--verbose", "--wait-for-plan"]].concat();
     let machine = folder.machine("portal");
     let output = run(&machine, &program, &arguments).output().unwrap();
     let (code, printed, log) = ended(&output);
@@ -111,9 +111,14 @@ fn a_tool_that_cuts_does_so_in_real_time() {
     let digest = |command: &str, cutting: &str| {
         let machine = folder.file("xyz.toml", &(machine_with("xyz", &[]) + cutting));
         let json = folder.path("out.json");
+        let waits: &[&str] = match command {
+            "run" => &["--wait-for-plan"],
+            _ => &[],
+        };
         let output = syncline()
             .args([command, "--seed", "5", "--json"])
             .args([Path::new(&json), &machine, &program])
+            .args(waits)
             .stdin(Stdio::null())
             .output()
             .unwrap();
@@ -354,7 +359,15 @@ fn each_command_explains_itself() {
         (
             "run",
             &[
-                "--bus", "--report", "--json", "--trace", "--seed", "--strict", "Ctrl-C", "Enter",
+                "--bus",
+                "--report",
+                "--json",
+                "--trace",
+                "--seed",
+                "--strict",
+                "--wait-for-plan",
+                "Ctrl-C",
+                "Enter",
             ][..],
         ),
         (

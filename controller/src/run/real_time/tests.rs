@@ -16,6 +16,7 @@ const TIMING: Timing = Timing {
     spin: Duration::ZERO,
     lockstep: true,
     strict: false,
+    waits_for_plan: true,
 };
 
 /// A simulated portal.
@@ -31,10 +32,22 @@ fn portal() -> (Machine, Arc<Layout>, World, Ports) {
     (machine, layout, world, ports)
 }
 
+/// Drives that are enabled stand under setpoints, a SYNC each cycle, while the planner has said nothing at all. Where time is to stand still
+/// for the planner, it does so only for as long as the cycle has patience.
 #[test]
 fn a_simulated_machine_goes_on_without_an_answer_of_its_planner() {
+    assert!(!goes_on_without_a_plan(TIMING), "it waits");
+    let timing = Timing {
+        waits_for_plan: false,
+        ..TIMING
+    };
+    assert!(goes_on_without_a_plan(timing), "it does not wait");
+}
+
+/// Waits until a machine goes on although its planner says nothing: whether it did without losing patience.
+fn goes_on_without_a_plan(timing: Timing) -> bool {
     let (_, layout, world, ports) = portal();
-    let (cycle, mut handle, mut queues) = Cycle::new(&layout, world, ports, TIMING);
+    let (cycle, mut handle, mut queues) = Cycle::new(&layout, world, ports, timing);
     let cycle = thread::spawn(move || cycle.run(|_| ()));
     while queues.requests.pop().is_err() {
         while handle.report().is_some() {}
@@ -52,8 +65,10 @@ fn a_simulated_machine_goes_on_without_an_answer_of_its_planner() {
         let waited = realtime::now().saturating_since(asked);
         assert!(waited < 3 * PLAN_PATIENCE, "{cycles} cycles");
     }
+    let waited = realtime::now().saturating_since(asked);
     drop((handle, queues));
     cycle.join().unwrap();
+    waited < PLAN_PATIENCE
 }
 
 #[test]

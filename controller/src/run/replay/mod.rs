@@ -18,9 +18,8 @@
 //!   recorded run ([`Replay`] is a [`Timeline`]). Where nothing of them was recorded, how many cycles
 //!   the machine rested behind a pause shows in the setpoints, and whether the run was interrupted in
 //!   the first ones that leave the plan; what else they did cannot be told from frames.
-//! - **the planner**: where all buses were simulated the cycle waited for it. On the host's clock how many
-//!   cycles the machine rested before a job shows in the setpoints, and what is planned anew is
-//!   taken to have come in time.
+//! - **the planner**: how many cycles the machine rested before a job shows in the setpoints, and all else that was
+//!   planned is taken to have come in time: where all buses were simulated, in the cycle that asked for it.
 //!
 //! What an adapter reported of its bus, and a plan that came late, is in no frame: behind that a replay
 //! differs.

@@ -106,10 +106,8 @@ impl Recording {
                 self.tape = Tape::default();
             }
             state.waits = Waits::No;
-            if !self.log.is_simulated() {
-                let cycles = self.rest(state, due, Waits::No)?;
-                state.waits = Waits::ForPlan(cycles);
-            }
+            let cycles = self.rest(state, due, Waits::No)?;
+            state.waits = Waits::ForPlan(cycles);
         }
         if take(&mut state.paused) && self.operators == Operators::Unknown {
             let cycles = self.rest(state, due, Waits::ForOperator(0))?;
