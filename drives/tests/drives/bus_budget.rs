@@ -137,11 +137,12 @@ prop_compose! {
 }
 
 /// Of some cycles the worst, after the SYNC instant: ends of SYNC and of the last T_PDO, beginning
-/// of the last R_PDO; and the most bits between two SYNCs.
+/// of the last R_PDO, and the same of each PDO, in the order of the nodes; and the most bits between two SYNCs.
 struct Measured {
     sync: Duration,
     t_pdos: Duration,
     r_pdos: Duration,
+    pdos: Vec<Duration>,
     bits: u32,
 }
 
@@ -199,15 +200,13 @@ fn measure(case: &Case, budget: &Budget) -> Measured {
         .iter()
         .flat_map(|node| frames(node, Direction::Receive))
         .collect();
-    let is = |frame: &Frame, direction| {
-        let mut pdos = nodes.iter().flat_map(|node| &node.pdos);
-        pdos.any(|pdo| pdo.direction == direction && frame.id() == pdo.cob_id.into())
-    };
+    let pdos: Vec<&Pdo> = nodes.iter().flat_map(|node| &node.pdos).collect();
 
     let mut worst = Measured {
         sync: Duration::ZERO,
         t_pdos: Duration::ZERO,
         r_pdos: Duration::ZERO,
+        pdos: vec![Duration::ZERO; pdos.len()],
         bits: 0,
     };
     let mut bits = 0;
@@ -219,16 +218,24 @@ fn measure(case: &Case, budget: &Budget) -> Measured {
             if sent.frame.id() == CobId::SYNC.into() {
                 worst.sync = worst.sync.max(ended.saturating_since(start));
                 worst.bits = worst.bits.max(take(&mut bits));
-            } else if is(&sent.frame, Direction::Transmit) {
-                worst.t_pdos = worst.t_pdos.max(ended.saturating_since(start));
-            } else if is(&sent.frame, Direction::Receive) {
+            } else if let Some(place) =
+                (pdos.iter()).position(|pdo| sent.frame.id() == pdo.cob_id.into())
+            {
                 // One that ends behind the next SYNC's instant began before it.
                 let of = if begun < start {
                     cycle * number.saturating_sub(1)
                 } else {
                     cycle * number
                 };
-                worst.r_pdos = worst.r_pdos.max(begun.saturating_since(Instant::ZERO + of));
+                let (time, all) = match pdos[place].direction {
+                    Direction::Transmit => (ended.saturating_since(start), &mut worst.t_pdos),
+                    Direction::Receive => {
+                        let after = begun.saturating_since(Instant::ZERO + of);
+                        (after, &mut worst.r_pdos)
+                    }
+                };
+                *all = time.max(*all);
+                worst.pdos[place] = time.max(worst.pdos[place]);
             }
             bits += sent.bits;
         };
@@ -253,7 +260,7 @@ proptest! {
             case.emcys = vec![None];
         }
         let measured = measure(&case, &budget);
-        let Measured { sync, t_pdos, r_pdos, bits } = measured;
+        let Measured { sync, t_pdos, r_pdos, pdos, bits } = measured;
         let sync_time = bit_time(budget.sync_bits, budget.bit_rate);
         prop_assert!(sync <= budget.sync_jitter + sync_time, "SYNC {sync:?}");
         let offset = budget.setpoint_offset;
@@ -265,6 +272,9 @@ proptest! {
             prop_assert!(t_pdos <= budget.t_pdos_in, "T_PDOs {t_pdos:?} > {:?}", budget.t_pdos_in);
             let latest = budget.cycle - budget.latest_offset + offset;
             prop_assert!(r_pdos <= latest, "burst {r_pdos:?} > {latest:?}");
+            for (time, pdo) in pdos.into_iter().zip(&budget.pdos) {
+                prop_assert!(pdo.latest.is_some_and(|latest| time <= latest), "{time:?}: {pdo:?}");
+            }
         }
     }
 }
