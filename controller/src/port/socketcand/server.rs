@@ -452,3 +452,80 @@ impl Client {
         self.dropped = Some(now + TIMEOUT);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use socket2::{Domain, Socket, Type};
+    use syncline_canopen::{CobId, NodeId};
+
+    /// Clients that listen, and clients that do not.
+    const LISTEN: usize = 50;
+    const STUCK: usize = 10;
+    /// Frames in a round.
+    const FRAMES: usize = 100;
+    /// Far more rounds than fill all that is kept for a client.
+    const ROUNDS: usize = 10_000;
+    /// Nothing takes that long but what waits.
+    const WAITS: Duration = Duration::from_secs(60);
+
+    /// A client that takes part in the bus; `window` makes its receive buffer as small as the kernel lets it be.
+    fn client(server: &mut Server, window: Option<usize>) -> TcpStream {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let socket = Socket::new(Domain::IPV4, Type::STREAM, None).unwrap();
+        if let Some(bytes) = window {
+            socket.set_recv_buffer_size(bytes).unwrap();
+        }
+        let address = listener.local_addr().unwrap();
+        socket.connect(&address.into()).unwrap();
+        server.attend(listener.accept().unwrap().0).unwrap();
+        let mut last = server.clients.last_entry().unwrap();
+        last.get_mut().frames = Frames::All;
+        let mut stream = TcpStream::from(socket);
+        stream.set_read_timeout(Some(WAITS)).unwrap();
+        let mut hi = [0; 6];
+        stream.read_exact(&mut hi).unwrap();
+        stream
+    }
+
+    /// Rounds until all that do not read are dropped: how many clients are left.
+    fn rounds() -> usize {
+        let (inlet, _frames) = NetworkBus::inlet();
+        let (tell, told) = channel::unbounded();
+        let (mut server, _orders) = Server::new("can0", inlet, tell).unwrap();
+        let stuck: Vec<_> = (0..STUCK).map(|_| client(&mut server, Some(1))).collect();
+        let mut listen: Vec<_> = (0..LISTEN).map(|_| client(&mut server, None)).collect();
+        let beat = Frame::new(CobId::error_control(NodeId::MAX), &[5]);
+        for _ in 0..ROUNDS {
+            let mut broadcasts: Vec<_> = (0..FRAMES).map(|_| broadcast(&beat, None)).collect();
+            let all: String = broadcasts.iter().map(|it| it.message.as_str()).collect();
+            server.send(&mut broadcasts);
+            for stream in &mut listen {
+                let mut bytes = vec![0; all.len()];
+                stream.read_exact(&mut bytes).unwrap();
+                assert_eq!(bytes, all.as_bytes());
+            }
+            let most = server.clients.values().map(|it| it.queue.len()).max();
+            assert!(most <= Some(QUEUE), "{most:?} bytes wait");
+            if told.len() == STUCK {
+                break;
+            }
+        }
+        assert_eq!(told.len(), STUCK, "those that do not read are told of");
+        drop(stuck);
+        server
+            .clients
+            .values()
+            .filter(|it| it.dropped.is_none())
+            .count()
+    }
+
+    /// In each round whoever listens has all that came in it, however many do not read; those are dropped once too much waits for
+    /// them, and in no round anybody is waited for.
+    #[test]
+    fn a_round_gives_everyone_its_frames_and_waits_for_none() {
+        let (done, rounds_over) = channel::bounded(1);
+        thread::spawn(move || done.send(rounds()));
+        assert_eq!(rounds_over.recv_timeout(WAITS), Ok(LISTEN));
+    }
+}
