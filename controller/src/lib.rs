@@ -25,6 +25,7 @@
 //! - [`bus_log`]: the traffic of a bus in files
 //! - [`campaign`]: random machines, programs, operators and troubles, watched by checkers
 //! - [`bench`](mod@bench): measures cycles and what simulations are made of
+//! - `text`: texts of others as people are shown them
 //! - [`commands`]: the `syncline` command line
 
 #![deny(unsafe_code)]
@@ -50,4 +51,5 @@ pub mod report;
 pub mod run;
 pub mod session;
 pub mod sweep;
+mod text;
 pub mod validate;

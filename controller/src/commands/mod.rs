@@ -69,8 +69,8 @@ pub use self::{events::fuzz as fuzz_events, plan::fuzz as fuzz_cases};
 
 use crate::control::{self, Layout};
 use crate::realtime;
+use crate::text::shown;
 use clap::{Parser, Subcommand};
-use std::borrow::Cow;
 use std::io::{self, Write};
 use std::process::ExitCode;
 use std::sync::OnceLock;
@@ -213,29 +213,6 @@ fn to_stderr(text: &str) {
     let _ = io::stderr().write_all(shown(text).as_bytes());
 }
 
-/// Whether a character changes the order in which others are shown, or is there without being seen: a name could be taken
-/// for another one.
-fn is_unseen(c: char) -> bool {
-    matches!(c, '\u{61c}' | '\u{200b}'..='\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2060}'..='\u{2069}' | '\u{feff}')
-}
-
-/// Text as a terminal may have it: control characters but those of lines and columns are escaped, and so is what is unseen.
-fn shown(text: &str) -> Cow<'_, str> {
-    let is_obeyed = |c: char| (c.is_control() && !matches!(c, '\n' | '\t')) || is_unseen(c);
-    if !text.contains(is_obeyed) {
-        return text.into();
-    }
-    let mut shown = String::with_capacity(text.len());
-    for c in text.chars() {
-        if is_obeyed(c) {
-            shown.extend(c.escape_default());
-        } else {
-            shown.push(c);
-        }
-    }
-    shown.into()
-}
-
 /// Reports input that cannot be used.
 fn bad_input(error: &(dyn std::error::Error + 'static)) -> Exit {
     report(error);
@@ -305,22 +282,8 @@ pub fn with_causes(error: &(dyn std::error::Error + 'static)) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{LONGEST, duration, shown};
+    use super::{LONGEST, duration};
     use std::time::Duration;
-
-    #[test]
-    fn control_characters_are_shown() {
-        assert_eq!(shown("a plain\n\tline µ"), "a plain\n\tline µ");
-        assert_eq!(shown("\x1b[2Jx\r\u{9b}"), "\\u{1b}[2Jx\\r\\u{9b}");
-        let unseen = [
-            "200b", "200f", "202a", "202e", "2066", "2069", "feff", "61c",
-        ];
-        for code in unseen {
-            let number = u32::from_str_radix(code, 16).unwrap();
-            let text = format!("part{}cgn.1", char::from_u32(number).unwrap());
-            assert_eq!(shown(&text), format!("part\\u{{{code}}}cgn.1"));
-        }
-    }
 
     #[test]
     fn durations_are_read_as_people_write_them() {

@@ -8,6 +8,7 @@
 //! least and its greatest value, in the order in which they came, so that no peak is lost.
 
 use super::Report;
+use crate::text::shown;
 use base64::prelude::{BASE64_STANDARD, Engine};
 use flate2::Compression;
 use flate2::write::GzEncoder;
@@ -171,7 +172,11 @@ pub(super) fn packed(report: &Report) -> io::Result<String> {
     zip.write_all(&(head.len() as u32).to_le_bytes())?;
     zip.write_all(head.as_bytes())?;
     zip.write_all(&packed.bytes)?;
-    zip.write_all(report.source.as_bytes())?;
+    let lines = report.source.split('\n');
+    let lines: Vec<_> = lines
+        .map(|line| shown(line.trim_end_matches('\r')))
+        .collect();
+    zip.write_all(lines.join("\n").as_bytes())?;
     Ok(BASE64_STANDARD.encode(zip.finish()?))
 }
 

@@ -9,6 +9,7 @@ use super::{
     toolpath::ToolPath,
     worst,
 };
+use crate::text::shown;
 use std::fmt::Write;
 
 /// Violations listed; more are counted.
@@ -415,8 +416,13 @@ pub(super) fn section(title: &str, content: String) -> String {
     )
 }
 
-/// Text as HTML shows it, in an attribute too.
+/// Text of others as a page shows it, in an attribute too.
 pub(super) fn escape(text: &str) -> String {
+    quoted(&shown(text))
+}
+
+/// What is in an attribute or between tags, to the letter.
+pub(super) fn quoted(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")

@@ -1,7 +1,8 @@
 //! Values over time: strips of equal width under each other, with one time axis. The page's script draws them, from the
 //! columns that [`data`](super::data) packs; here stands what they are.
 
-use super::html::escape;
+use super::html::quoted;
+use crate::text::shown;
 use serde::Serialize;
 
 /// One line of a strip.
@@ -94,12 +95,16 @@ struct Spec<'a> {
 
 /// The place of some strips on the page.
 pub(super) fn strips(label: &str, strips: &[Strip], marks: &[Mark]) -> String {
+    let marks = marks.iter().map(|mark| Mark {
+        time: mark.time,
+        text: shown(&mark.text).into_owned(),
+    });
     let spec = Spec {
-        label,
+        label: &shown(label),
         strips,
-        marks,
+        marks: &marks.collect::<Vec<_>>(),
     };
     // Of texts and finite numbers.
     let spec = serde_json::to_string(&spec).unwrap_or_default();
-    format!("<div class=strips data-spec='{}'></div>", escape(&spec))
+    format!("<div class=strips data-spec='{}'></div>", quoted(&spec))
 }

@@ -1,5 +1,8 @@
 //! The report of runs from nothing at all to many minutes.
 
+use base64::prelude::{BASE64_STANDARD, Engine};
+use flate2::read::GzDecoder;
+use std::io::Read;
 use std::time::Duration;
 use syncline_canopen::Instant;
 use syncline_controller::machine::AxisLimits;
@@ -337,6 +340,35 @@ fn three_cycles_one_cycle_none() {
     let html = odd.to_html(None);
     check(&html);
     assert!(html.contains("and 800 more"));
+}
+
+/// Names and lines of programs that would pass for others, or act on what shows them, are escaped as on a terminal: on the page,
+/// in what its script draws, and in the program that it lists.
+#[test]
+fn what_is_unseen_is_escaped() {
+    let mut report = report(&plate(1));
+    let odd = "part\u{202e}cgn.1\u{1b}[2J";
+    let escaped = "part\\u{202e}cgn.1\\u{1b}[2J";
+    report.machine = odd.into();
+    report.program = odd.into();
+    report.outcome = odd.into();
+    report.facts.push((odd.into(), odd.into()));
+    report.violations = violations(1);
+    report.violations[0].what = odd.into();
+    report.source = format!("G0 X1 ({odd})\r\nG1 X2\n");
+    let html = report.to_html(None);
+    check(&html);
+    let is_odd = |c: char| matches!(c, '\u{202e}' | '\u{1b}');
+    assert!(!html.contains(is_odd));
+    assert!(html.contains(escaped));
+
+    let (_, packed) = html.split_once("id=data>").unwrap();
+    let (packed, _) = packed.split_once('<').unwrap();
+    let zipped = BASE64_STANDARD.decode(packed).unwrap();
+    let mut bytes = Vec::new();
+    GzDecoder::new(&zipped[..]).read_to_end(&mut bytes).unwrap();
+    let source = format!("G0 X1 ({escaped})\nG1 X2\n");
+    assert!(bytes.ends_with(source.as_bytes()));
 }
 
 #[test]
