@@ -185,6 +185,8 @@ pub struct Row<const N: usize> {
     pub measured: [Option<MeasuredSample>; MEASURED],
     /// Program line of the block that is at work while the path rests for it.
     pub rests_for: Option<u32>,
+    /// Program line of the block that is served while the path dwells.
+    pub dwells_for: Option<u32>,
     /// What the job waits for, where nothing moves and no operator holds it.
     pub waiting: Option<Waiting>,
     /// How many cycles ago the axes were at the first of the samples that they go along.

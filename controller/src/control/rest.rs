@@ -13,6 +13,7 @@ use std::fmt;
 use std::mem::{Discriminant, discriminant};
 use syncline_canopen::time::Duration;
 use syncline_gcode::AxisLetter;
+use syncline_trajectory::path::Dwell;
 
 /// A rest that lasts so long is told with its reason.
 const TOLD_AFTER: Duration = Duration::from_secs(2);
@@ -250,7 +251,7 @@ impl<const N: usize> Controller<N> {
         match self.reached() {
             Some(stop) => self.waits_at(stop),
             None => match self.executor.dwell() {
-                Some(left) => Some(Waiting::Dwell { left }),
+                Some(Dwell { left, .. }) => Some(Waiting::Dwell { left }),
                 None => (self.executor.wants_plan()).then_some(Waiting::Plan),
             },
         }

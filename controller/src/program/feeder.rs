@@ -514,10 +514,18 @@ impl Feeder {
         self.switch(line, Switch::Message);
     }
 
-    /// Rests for so many seconds.
+    /// Rests for so many seconds, for that block.
     fn rest(&mut self, duration: f64, span: gcode::Span) -> Result<(), ProgramError> {
         let tag = self.tag.saturating_sub(1);
-        self.push(span, PathItem::Dwell { duration, tag })
+        let block = Some(span.line);
+        self.push(
+            span,
+            PathItem::Dwell {
+                duration,
+                tag,
+                block,
+            },
+        )
     }
 
     /// How far a shaper spreads setpoints, and by how much it may leave moves that end at rest, mm.

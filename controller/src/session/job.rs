@@ -33,6 +33,8 @@ pub(super) struct Job {
     rested: bool,
     /// The line of the block that the path rests for.
     rests_for: Option<u32>,
+    /// The path has dwelt for a block since it moved.
+    dwelt: bool,
     /// Behind the last probing or homing.
     behind: Option<Place>,
     /// It is over, and may still come to rest.
@@ -52,6 +54,7 @@ impl Job {
             has_moved: false,
             rested: false,
             rests_for: None,
+            dwelt: false,
             behind: None,
             over: false,
         }
@@ -119,6 +122,9 @@ impl Job {
             (self.line, self.rested) = (line, true);
             self.rests_for = Some(line);
         }
+        if let Some(line) = row.dwells_for {
+            self.line = line;
+        }
         self.last.rotate_right(1);
         let tag = self.moves.at(row.plan.tag, row.plan.distance);
         // What the path rests for may have the plan begin anew, where a homing has left the axes: none of its moves is at work then.
@@ -132,6 +138,7 @@ impl Job {
         // Until it moves on, what it rested for was the last block.
         let rests = row.plan.speed == 0.0 && self.last[1] == tag;
         self.rested &= rests;
+        self.dwelt = row.dwells_for.is_some() || self.dwelt && rests;
         self.rests_for = self.rests_for.filter(|_| rests);
         // Before it first moves, the first move is at work no more than any other.
         let modal = match self.has_moved || self.rests_for.is_some() {
@@ -143,7 +150,7 @@ impl Job {
         self.modal = modal.or(self.modal.take());
         self.moves.passed(tag.saturating_sub(KEPT));
         if let Some(motion) = self.moves.motion(tag) {
-            if !self.rested {
+            if !self.rested && !self.dwelt {
                 self.line = motion.line;
             }
             let (first, last) = self.last.iter().fold((tag, tag), |(first, last), &of| {

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use syncline_controller::control::{Event, Hold, Layout};
+use syncline_controller::control::{Event, Hold, Layout, Waiting};
 use syncline_controller::machine::Machine;
 use syncline_controller::observe::Observers;
 use syncline_controller::program::Program;
@@ -90,6 +90,14 @@ impl Contour {
 struct Cut {
     stretches: Vec<[Point; 2]>,
     line: u32,
+    /// Rows in which the path dwelt, and the line that each showed.
+    dwells: Vec<(usize, u32)>,
+}
+
+impl Cut {
+    fn length(&self) -> f64 {
+        self.stretches.iter().map(|[a, b]| distance(*a, *b)).sum()
+    }
 }
 
 /// Runs a program from a line on, and stops it after so many rows.
@@ -104,11 +112,13 @@ fn cut(machine: &Machine, file: &Path, program: &Path, from: Option<u32>, rows: 
     let mut session = Session::new(&layout, timeline, moves, observers);
     let operator = session.operator("test");
     let (mut seen, mut last, mut stretches) = (0, None, Vec::new());
+    let mut dwells = Vec::new();
     while session.advance() != Progress::Ended {
         let Some(row) = session.timeline().row() else {
             continue;
         };
         seen += 1;
+        let dwells_now = matches!(row.waiting, Some(Waiting::Dwell { .. }));
         let [x, y, ..] = row.plan.position;
         let cuts = row.plan.feed.is_finite();
         if let Some(last) = last.replace([x, y])
@@ -116,12 +126,19 @@ fn cut(machine: &Machine, file: &Path, program: &Path, from: Option<u32>, rows: 
         {
             stretches.push([last, [x, y]]);
         }
+        if dwells_now {
+            dwells.push((seen, session.status().line));
+        }
         if seen == rows {
             operator.command(Command::Stop).expect("there is room");
         }
     }
     let line = session.status().line;
-    Cut { stretches, line }
+    Cut {
+        stretches,
+        line,
+        dwells,
+    }
 }
 
 fn files(folder: &Folder, program: &str) -> (Machine, PathBuf, PathBuf) {
@@ -256,6 +273,68 @@ proptest! {
         points in prop::collection::vec(prop::array::uniform2(20.0..200.0_f64), 4..9),
     ) {
         rests_before_what_comes(mode, feed, &points);
+    }
+}
+
+/// Moves and all that the path rests for, in any order, from the line [`FIRST`] on.
+fn resting(mode: &str, blocks: &[usize]) -> String {
+    let mut program = format!("{mode}\nG0 X20 Y20\nF6000\n");
+    for (number, block) in blocks.iter().enumerate() {
+        let x = 20 + 10 * (number % 2);
+        let _ = match block {
+            0 => writeln!(program, "G1 X{x} Y{}", 21 + number),
+            1 => writeln!(program, "G4 P0.03"),
+            2 => writeln!(program, "M0"),
+            3 => writeln!(program, "M1"),
+            _ => writeln!(program, "T{} M6", number + 1),
+        };
+    }
+    program + "M2\n"
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { max_shrink_iters: 30, failure_persistence: None, ..ProptestConfig::with_cases(6) })]
+
+    /// While the path rests for a block, the line shown is that block's, a dwell's as that of a stop: so each line is shown once, in
+    /// the program's order.
+    #[test]
+    fn the_line_shown_at_rest_is_that_of_what_it_rests_for(
+        mode in prop::sample::select(&["G64 P0.1", "G61", "G61.1"][..]),
+        blocks in prop::collection::vec(0..5_usize, 2..14),
+    ) {
+        let mut rig = Rig::portal(&resting(mode, &blocks));
+        rig.command(Command::OptionalStop(SwitchChange::To(true)));
+        let mut shown = Vec::new();
+        while rig.step() {
+            let line = rig.session.status().line;
+            if line >= FIRST && shown.last() != Some(&line) {
+                shown.push(line);
+            }
+        }
+        let lines: Vec<_> = (FIRST..FIRST + blocks.len() as u32).collect();
+        prop_assert_eq!(shown, lines, "{:?}", blocks);
+    }
+
+    /// What was stopped in a dwell and begins at the line that was shown leaves nothing uncut, and cuts nothing twice.
+    #[test]
+    fn what_begins_at_a_dwell_goes_on_behind_the_move_before_it(
+        mode in prop::sample::select(&["G64 P0.1", "G61.1"][..]),
+        blocks in prop::collection::vec(0..2_usize, 3..10),
+        part in 0.0..1.0_f64,
+    ) {
+        let folder = Folder::new();
+        let (machine, file, program) = files(&folder, &resting(mode, &[&[0, 1], &blocks[..], &[0]].concat()));
+        let whole = cut(&machine, &file, &program, None, usize::MAX);
+        // A stop takes a row to act, and the dwell is not to be over then.
+        let dwells: Vec<_> = (whole.dwells.iter())
+            .filter(|(row, line)| whole.dwells.contains(&(row + 3, *line)))
+            .collect();
+        let (row, line) = *dwells[(part * dwells.len() as f64) as usize];
+        let before = cut(&machine, &file, &program, None, row);
+        prop_assert_eq!(before.line, line);
+        let behind = cut(&machine, &file, &program, Some(line), usize::MAX);
+        let cut = before.length() + behind.length();
+        prop_assert!((cut - whole.length()).abs() < 0.01, "{cut} mm of {} by line {line}: {blocks:?}", whole.length());
     }
 }
 

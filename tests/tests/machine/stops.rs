@@ -741,6 +741,7 @@ fn a_rest_that_somebody_or_something_wants_is_none() {
             item: 1,
             duration: 90.0,
             tag: 1,
+            block: None,
         };
         assert!(it.accept(Instruction::Plan(dwell)));
         assert!(it.accept(Instruction::Plan(Command::Commit)));

@@ -67,7 +67,7 @@ pub mod window;
 use crate::limits;
 
 pub use curve::{Arc, Curve, CurveError, Derivatives, Line, Plane, Poly};
-pub use executor::{Executor, Setpoint};
+pub use executor::{Dwell, Executor, Setpoint};
 pub use jog::{Jog, JogError, Leg, Retraction, Travel};
 pub use planner::{PathError, Planner};
 pub use shaping::Shaping;
@@ -215,6 +215,8 @@ pub enum PathItem<const N: usize> {
         duration: f64,
         /// As [`Move::tag`].
         tag: u32,
+        /// What the caller calls it, as a rule the program line; comes back in [`Executor::dwell`].
+        block: Option<u32>,
     },
 }
 
@@ -295,6 +297,8 @@ pub enum Command<const N: usize> {
         duration: f64,
         /// As [`Move::tag`].
         tag: u32,
+        /// As [`PathItem::Dwell`] has it.
+        block: Option<u32>,
     },
     /// The place of a [`Planner::mark`]: rest until [`Executor::pass`]. What comes behind it is
     /// taken then.

@@ -829,7 +829,7 @@ proptest! {
             end = to;
             for rest in rests {
                 match rest {
-                    Rest::Dwell(duration) => machine.planner.push(PathItem::Dwell { duration, tag: 0 }).unwrap(),
+                    Rest::Dwell(duration) => machine.planner.push(PathItem::Dwell { duration, tag: 0, block: None }).unwrap(),
                     Rest::Mark => {
                         marks += 1;
                         machine.planner.mark(marks);

@@ -309,6 +309,7 @@ fn a_dwell_rests_for_its_time_under_its_tag() {
         PathItem::Dwell {
             duration: 0.5,
             tag: 2,
+            block: None,
         },
         go(b, 100.0, 3),
     ];
@@ -660,6 +661,7 @@ fn a_hold_in_a_dwell_does_not_run_it_again() {
     let dwell = PathItem::Dwell {
         duration: 1.0,
         tag: 2,
+        block: None,
     };
     let items = [go(a, 100.0, 1), dwell, go(b, 100.0, 3)];
     // Held after so many cycles of the dwell for so many; how many the path rests there.

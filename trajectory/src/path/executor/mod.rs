@@ -62,6 +62,15 @@ pub struct Setpoint<const N: usize> {
     pub off_path: bool,
 }
 
+/// A dwell in which the path rests.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Dwell {
+    /// How long it still takes, s.
+    pub left: f64,
+    /// As [`PathItem::Dwell`](super::PathItem::Dwell) has it.
+    pub block: Option<u32>,
+}
+
 #[derive(Debug, Clone, Copy)]
 enum Step<const N: usize> {
     Section {
@@ -79,6 +88,7 @@ enum Step<const N: usize> {
         item: u64,
         duration: f64,
         tag: u32,
+        block: Option<u32>,
     },
     Mark {
         item: u64,
@@ -400,11 +410,13 @@ impl<const N: usize> Executor<N> {
                 item,
                 duration,
                 tag,
+                block,
             } => {
                 self.steps.push_back(Step::Dwell {
                     item,
                     duration,
                     tag,
+                    block,
                 });
             }
             Command::Mark { item, mark } => self.steps.push_back(Step::Mark { item, mark }),
@@ -479,10 +491,15 @@ impl<const N: usize> Executor<N> {
         rests && self.activity.takes_plans()
     }
 
-    /// How long a dwell still takes in which the path rests, s.
-    pub fn dwell(&self) -> Option<f64> {
-        match self.current()? {
-            Step::Dwell { duration, .. } => Some((duration - self.since(self.began)).max(0.0)),
+    /// The dwell in which the path rests.
+    pub fn dwell(&self) -> Option<Dwell> {
+        match *self.current()? {
+            Step::Dwell {
+                duration, block, ..
+            } => Some(Dwell {
+                left: (duration - self.since(self.began)).max(0.0),
+                block,
+            }),
             _ => None,
         }
     }

@@ -130,6 +130,7 @@ enum PlanItem<const N: usize> {
     Dwell {
         duration: f64,
         tag: u32,
+        block: Option<u32>,
     },
     Mark {
         mark: u32,
@@ -277,9 +278,17 @@ impl<const N: usize> Planner<N> {
             PathItem::Dwell { duration, .. } if !(duration >= 0.0 && duration.is_finite()) => {
                 return Err(PathError::Dwell(duration));
             }
-            PathItem::Dwell { duration, tag } => {
+            PathItem::Dwell {
+                duration,
+                tag,
+                block,
+            } => {
                 self.close();
-                self.items.push_back(PlanItem::Dwell { duration, tag });
+                self.items.push_back(PlanItem::Dwell {
+                    duration,
+                    tag,
+                    block,
+                });
             }
             PathItem::Move(motion) => {
                 let feed = motion.feed.speed();
@@ -396,7 +405,11 @@ impl<const N: usize> Planner<N> {
             }
             Laid::Settle(tag) => {
                 let duration = self.shaped.as_ref().map_or(0.0, Shaped::settling);
-                self.items.push_back(PlanItem::Dwell { duration, tag });
+                self.items.push_back(PlanItem::Dwell {
+                    duration,
+                    tag,
+                    block: None,
+                });
             }
         }
     }
@@ -502,12 +515,17 @@ impl<const N: usize> Planner<N> {
         while self.out.is_empty() && !self.cursor.holds {
             let number = self.cursor.item;
             match self.item(number) {
-                Some(&PlanItem::Dwell { duration, tag }) => {
+                Some(&PlanItem::Dwell {
+                    duration,
+                    tag,
+                    block,
+                }) => {
                     self.out.extend([
                         Command::Dwell {
                             item: number,
                             duration,
                             tag,
+                            block,
                         },
                         Command::Commit,
                     ]);
