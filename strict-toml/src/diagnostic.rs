@@ -93,6 +93,7 @@ pub struct Log<'s> {
     source: &'s str,
     found: Vec<(usize, Diagnostic)>,
     gaps: Gaps,
+    is_of_rest: bool,
 }
 
 impl<'s> Log<'s> {
@@ -102,6 +103,7 @@ impl<'s> Log<'s> {
             source,
             found: Vec::new(),
             gaps: Gaps::default(),
+            is_of_rest: false,
         }
     }
 
@@ -110,6 +112,7 @@ impl<'s> Log<'s> {
     pub fn of_rest(source: &'s str, rest: &Rest) -> Self {
         let mut log = Self {
             gaps: rest.gaps().clone(),
+            is_of_rest: true,
             ..Self::new(source)
         };
         for (span, why) in rest.hidden() {
@@ -143,6 +146,11 @@ impl<'s> Log<'s> {
         let start = span.start;
         let diagnostic = Diagnostic::new(self.source, span, problem.into(), help.into());
         self.found.push((start, diagnostic));
+    }
+
+    /// Whether it is of what is left of a file, of which something is wrong already.
+    pub fn is_of_rest(&self) -> bool {
+        self.is_of_rest
     }
 
     /// Whether nothing is wrong so far.

@@ -1,5 +1,6 @@
 //! From a machine file's text to a [`Machine`], in two stages, each of which reports all it finds: what is no TOML, each
-//! table on its own, and names; then how tables fit together. The second starts only on what is clean, and of a table of
+//! table on its own, names, and how cycle, controller, buses and devices that are good fit together; then how all tables do. The
+//! second starts only on what is clean, and of a table of
 //! which a line is no TOML the rest is judged as if the line had a wrong value, so that one mistake does not cause
 //! complaints about another thing. So a person hears of all mistakes in two rounds at most.
 
@@ -26,7 +27,12 @@ use super::{
     Bus, Controller, Cut, Drive, HomingPolicy, Machine, Motion, PathForces, PathTolerances,
     Probing, Validation, assumed, spindle, validation,
 };
-use std::{collections::BTreeMap, ops::Range, path::Path, time::Duration};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    ops::Range,
+    path::Path,
+    time::Duration,
+};
 use syncline_canopen::BIT_RATES;
 use syncline_drives::model::{Assumed, Direction, Increments, MODELS, Model, Scaling};
 use syncline_gcode as gcode;
@@ -157,6 +163,17 @@ impl Tables {
         let user_codes = user_codes.into_iter();
         let user_codes: Vec<_> = user_codes.map(|t| UserCodeTable::read(log, t)).collect();
         let assumptions = model.map_or(Vec::new(), |table| assumptions(log, table));
+        let has_all_buses = buses.iter().all(Option::is_some);
+        let buses: Vec<BusTable> = buses.into_iter().flatten().collect();
+        if (log.is_of_rest() || !log.is_empty())
+            && let (Some((_, cycle)), Some(controller)) = (&machine, &controller)
+        {
+            let drives = drives.iter().flatten().map(|it| &it.node);
+            let encoders = encoders.iter().flatten().map(|it| &it.node);
+            let io_nodes = io_nodes.iter().flatten().map(|it| &it.node);
+            let devices: Vec<_> = drives.chain(encoders).chain(io_nodes).collect();
+            check_sound(log, cycle, controller, &devices, &buses);
+        }
         let (name, cycle) = machine?;
         Some(Self {
             name,
@@ -164,7 +181,7 @@ impl Tables {
             controller: controller?,
             path,
             path_mode,
-            buses: buses.into_iter().collect::<Option<_>>()?,
+            buses: has_all_buses.then_some(buses)?,
             drives: drives.into_iter().collect::<Option<_>>()?,
             encoders: encoders.into_iter().collect::<Option<_>>()?,
             io_nodes: io_nodes.into_iter().collect::<Option<_>>()?,
@@ -377,6 +394,24 @@ impl Tables {
             }
         }
         axis_of
+    }
+}
+
+/// Checks how those tables fit together that are good, where others are not: what they say of each other is true whatever is
+/// mended in the others.
+fn check_sound(
+    log: &mut Log<'_>,
+    cycle: &Spanned<i64>,
+    controller: &ControllerTable,
+    devices: &[&NodeTable],
+    buses: &[BusTable],
+) {
+    let time = Duration::from_micros(*cycle.get_ref() as u64);
+    let controller = controller.join(log, time);
+    let mut names = BTreeSet::new();
+    // Which bus is meant is not known where two have one name.
+    if buses.iter().all(|bus| names.insert(bus.name.get_ref())) {
+        node::places(log, devices, buses, cycle, controller.node);
     }
 }
 

@@ -248,6 +248,34 @@ fn each_alone_is_told_in_one_round_and_nothing_else_is() {
     }
 }
 
+/// What cycle, controller, buses and devices say of each other is told with what is wrong elsewhere.
+#[test]
+fn what_good_tables_say_of_each_other_is_told_at_once() {
+    let is_of_them = |it: &Mistake| {
+        let told = [
+            "`heartbeat_timeout_ms` is 50",
+            "node 127 is already",
+            "`bitrate` is 10000",
+        ];
+        told.iter().any(|text| it.told.starts_with(text))
+    };
+    let (of_them, others): (Vec<_>, Vec<_>) = MISTAKES.into_iter().partition(is_of_them);
+    assert_eq!(of_them.len(), 3);
+    // Without a cycle nothing fits it.
+    let others = others
+        .into_iter()
+        .filter(|it| !it.from.starts_with("cycle_us"));
+    for it in others {
+        for one in &of_them {
+            let planted = [it, *one];
+            let told = told(&planted);
+            let (left, other) = left(&planted, &told);
+            let is_late = left.iter().any(|late| late.told == one.told);
+            assert!(!is_late && other.is_empty(), "{planted:?}: {told:#?}");
+        }
+    }
+}
+
 proptest! {
     /// Whatever is struck out of a file or written into it, what is left of it is TOML, with all in its place.
     #[test]
