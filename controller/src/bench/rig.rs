@@ -269,6 +269,7 @@ impl Shape {
                     unit: "mm",
                     drives: vec![axis],
                     point_to_point: false,
+                    feed_forward: None,
                     feedback: None,
                     limits: AxisLimits {
                         position: (-1.0, STROKE + 1.0),

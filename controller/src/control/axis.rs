@@ -1,5 +1,6 @@
 //! One axis in the cycle: planned position to increments, actual position back, following error.
 
+mod feed_forward;
 mod feedback;
 mod history;
 mod position_loop;
@@ -7,6 +8,7 @@ mod sample;
 mod squaring;
 mod test_move;
 
+pub use feed_forward::AxisTorque;
 pub(super) use feedback::STEADY;
 pub use sample::AxisSample;
 pub(super) use test_move::Test;
@@ -523,9 +525,11 @@ impl AxisControl {
             let node = &nodes[drive];
             let there = self.history.proposed(node.delay()).of_side(index);
             let velocity = self.velocity(cycle, index, nodes);
+            let torque = self.torque(index, nodes);
             let side = &mut self.sides[index];
             side.next = Setpoint {
                 velocity,
+                torque,
                 ..node.setpoint_at(there)?
             };
             let origin = Some(node.origin()).filter(|_| self.referenced && !in_homing);
@@ -564,6 +568,7 @@ impl AxisControl {
                     nodes[drive].setpoint.velocity = self.velocity(cycle, side, nodes);
                 }
             }
+            self.hold_up(nodes);
             self.history.hand_over(cycle);
             return false;
         }

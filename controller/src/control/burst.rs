@@ -18,6 +18,9 @@ impl<const N: usize> Controller<N> {
         }
         if !self.frozen {
             self.nodes.iter_mut().for_each(DeviceNode::hold);
+            for axis in &self.axes {
+                axis.hold_up(&mut self.nodes);
+            }
         } else if let Err(fault) = self.plan_axes() {
             self.fail(fault);
         }

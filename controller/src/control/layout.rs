@@ -1,6 +1,6 @@
 //! The machine as the controller needs it, made once from the machine file.
 
-use super::axis::STEADY;
+use super::axis::{AxisTorque, STEADY};
 use super::fault::{AxisIndex, BusCause, BusIndex, DeviceIndex, Names};
 use super::inputs::InputIndex;
 use crate::budget::{BusBudget, DoesNotFit, MachineBudget};
@@ -153,6 +153,8 @@ pub struct AxisSpec {
     pub feedback: Option<AxisFeedback>,
     /// It goes point to point, by profiles of its drive's own.
     pub point_to_point: bool,
+    /// What its drives are sent of the torque that they take, if they are.
+    pub feed_forward: Option<AxisTorque>,
     /// What it may do, and what is a fault.
     pub limits: AxisLimits,
     /// How it comes to know where it is.
@@ -204,6 +206,8 @@ impl AxisSpec {
             drives: axis.drives.clone(),
             point_to_point: axis.motion == Motion::PointToPoint,
             feedback: axis.feedback.map(|it| AxisFeedback::of(machine, axis, it)),
+            feed_forward: (axis.feed_forward.as_ref())
+                .map(|it| AxisTorque::new(it, axis.mm_per_revolution)),
             limits: axis.limits,
             homing: axis.homing.clone(),
             limit_inputs: axis.limit_inputs.clone(),

@@ -73,7 +73,7 @@ mod tests;
 mod threading;
 mod user_codes;
 
-pub use axis::AxisSample;
+pub use axis::{AxisSample, AxisTorque};
 pub use beside_path::Found;
 pub use event::{Event, Phase};
 pub use fault::Fault;

@@ -24,13 +24,13 @@ mod windows;
 
 pub use crate::observe::axis_log::AxisSample;
 
-use crate::machine::{Axis, Machine, Motion};
+use crate::machine::{Axis, FeedForward, Machine, Motion};
 use estimate::{Estimate, Figure, Shaft};
 use response::{Response, response};
 use serde::Serialize;
 use std::f64::consts::TAU;
 use std::fmt;
-use syncline_drives::model::Drive;
+use syncline_drives::model::{Ability, Drive};
 use syncline_drives::twin::servo::motor::Motor;
 use syncline_drives::twin::servo::stability::{Margins, Mode};
 use tuning::Tuned;
@@ -172,6 +172,7 @@ impl Moved {
         }
         let moved = axis.simulation.as_ref().map(|simulation| &simulation.axis);
         let rated = moved.map(|moved| moved.motor().continuous_torque);
+        let stated = axis.feed_forward.map(|it| it.rated_torque);
         let unit = match axis.letter.is_linear() {
             true => 1e-3,
             false => TAU / 360.0,
@@ -182,7 +183,10 @@ impl Moved {
                 cycle: machine.cycle.as_secs_f64(),
                 radians: TAU / axis.mm_per_revolution,
                 resolution: drive.scaling.resolution(),
-                rated_torque: rated_torque.or(rated).ok_or(Unfit::RatedTorque(name))?,
+                rated_torque: rated_torque
+                    .or(stated)
+                    .or(rated)
+                    .ok_or(Unfit::RatedTorque(name))?,
                 motor_viscous_friction: moved.map(|moved| moved.motor().viscous_friction),
             },
             travel: unit * axis.mm_per_revolution / TAU,
@@ -284,6 +288,8 @@ pub struct Identified {
     pub response: Vec<Response>,
     /// Keys of `[axis.simulation]` that make a simulated axis of it; none where the machine file names no motor.
     pub simulation: Vec<Key>,
+    /// What its drive can be sent with its setpoints, if it adds that to its loops' torque.
+    pub feed_forward: Option<FeedForward>,
     /// Gains that suit it; none where the machine file names no motor, or where none keep it from swinging.
     pub gains: Option<Tuned>,
     /// Its drive.
@@ -320,6 +326,15 @@ impl Identified {
             .and_then(|(known, device)| Tuned::of(&estimate, &known.motor, known.inertia, device));
         Self {
             axis: axis.name(),
+            feed_forward: (drive.model.abilities.contains(&Ability::TorqueOffset)).then(|| {
+                FeedForward {
+                    rated_torque: subject.shaft.rated_torque,
+                    inertia: estimate.inertia.value,
+                    coulomb_friction: estimate.friction.value.max(0.0),
+                    viscous_friction: estimate.viscous_friction.value.max(0.0),
+                    gravity: estimate.holding_torque.value,
+                }
+            }),
             gains,
             drive: drive.name.clone(),
             rated_torque: subject.shaft.rated_torque,
@@ -396,6 +411,9 @@ impl fmt::Display for Identified {
                 "  no resonance is identifiable from this log, which shows up to {seen_to_hz:.0} Hz"
             )?,
         }
+        if let Some(feed_forward) = &self.feed_forward {
+            self.tell_feed_forward(feed_forward, f)?;
+        }
         if self.simulation.is_empty() {
             return writeln!(
                 f,
@@ -430,6 +448,42 @@ impl fmt::Display for Identified {
 }
 
 impl Identified {
+    fn tell_feed_forward(
+        &self,
+        feed_forward: &FeedForward,
+        f: &mut fmt::Formatter<'_>,
+    ) -> fmt::Result {
+        let Estimate {
+            inertia,
+            friction,
+            viscous_friction,
+            holding_torque,
+            ..
+        } = &self.estimate;
+        let figures = [
+            ("inertia", inertia, feed_forward.inertia),
+            ("coulomb_friction", friction, feed_forward.coulomb_friction),
+            (
+                "viscous_friction",
+                viscous_friction,
+                feed_forward.viscous_friction,
+            ),
+            ("gravity", holding_torque, feed_forward.gravity),
+        ];
+        let figures = figures.map(|(key, found, value)| {
+            let figure = Figure { value, ..*found };
+            format!("{key} = {}", rounded(&figure))
+        });
+        writeln!(
+            f,
+            "\nof axis {}, to be sent to drive {} with each setpoint\nfeed_forward = {{ rated_torque = {:?}, {} }}",
+            self.axis,
+            self.drive,
+            feed_forward.rated_torque,
+            figures.join(", ")
+        )
+    }
+
     fn tell_gains(&self, gains: &Tuned, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Tuned {
             speed_gain,

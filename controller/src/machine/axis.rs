@@ -1,6 +1,7 @@
 //! `[[axis]]`: its limits, its drives, and what else the file says of it.
 
 use super::encoder::FeedbackTable;
+use super::feed_forward::{self, FeedForward};
 use super::fits::{self, Asked};
 use super::homing::{self, HomingTable};
 use super::limit_inputs::LimitTable;
@@ -61,6 +62,7 @@ pub(super) struct AxisTable {
     pub(super) position_loss: Option<Spanned<i64>>,
     /// And where the file says so.
     pub(super) motion: Option<(Motion, Range<usize>)>,
+    feed_forward: Option<FeedForward>,
     simulation: Option<Simulation>,
 }
 
@@ -127,7 +129,11 @@ impl AxisTable {
             None
         };
         let standstill = table.positive_or(log, "standstill_window", 0.1, position);
-        let asked = fits::asked(log, &mut table);
+        let mut asked = fits::asked(log, &mut table);
+        let feed_forward = feed_forward::read(log, &mut table).map(|(read, span)| {
+            asked.push(Asked::new(feed_forward::KEY, feed_forward::ABILITY, span));
+            read
+        });
         let limits = || {
             Some(AxisLimits {
                 position: *soft_limits.as_ref()?.get_ref(),
@@ -188,6 +194,7 @@ impl AxisTable {
             hardware_stops,
             position_loss,
             motion,
+            feed_forward,
             simulation,
         })
     }
@@ -228,6 +235,7 @@ impl AxisTable {
             position_loss: (self.position_loss)
                 .map(|ms| Duration::from_millis(ms.into_inner() as u64)),
             motion: Motion::Path,
+            feed_forward: self.feed_forward,
             shaped_by: 0.0,
             simulation: self.simulation,
         };

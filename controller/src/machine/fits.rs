@@ -16,6 +16,12 @@ pub(super) struct Asked {
     span: Range<usize>,
 }
 
+impl Asked {
+    pub(super) fn new(key: &'static str, ability: Ability, span: Range<usize>) -> Self {
+        Self { key, ability, span }
+    }
+}
+
 /// What an axis asks its drives to do besides following.
 pub(super) fn asked(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Vec<Asked> {
     let keys = [
@@ -26,7 +32,7 @@ pub(super) fn asked(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Vec<Asked> 
     for (key, ability) in keys {
         if table.flag_or(log, key, false) {
             let span = table.span_of(key).unwrap_or_default();
-            asked.push(Asked { key, ability, span });
+            asked.push(Asked::new(key, ability, span));
         }
     }
     asked
@@ -71,7 +77,12 @@ impl Pairing<'_> {
                         "{}: `{key}`, which {drive} ({}) cannot",
                         self.axis, model.title
                     ),
-                    "leave the key out: the controller supervises it in any case",
+                    match ability {
+                        Ability::TorqueOffset => {
+                            "leave the key out: its loops alone make the torque, as its own gains say"
+                        }
+                        _ => "leave the key out: the controller supervises it in any case",
+                    },
                 );
             }
         }
@@ -243,6 +254,29 @@ pub(super) fn check_pairs(log: &mut Log<'_>, machine: &Machine, places: &[Range<
                 drive.model.title
             ),
             "give each side a drive that does, or each drive an axis of its own",
+        );
+    }
+}
+
+/// Whether each drive that is to be sent torques has room for them in its R_PDO, which its maker may have mapped without. `places`
+/// are where the file names the drives.
+pub(super) fn check_feed_forward(log: &mut Log<'_>, machine: &Machine, places: &[Range<usize>]) {
+    for ((index, drive), place) in machine.drives.iter().enumerate().zip(places) {
+        let axis = &machine.axes[drive.axis];
+        let can = drive.model.abilities.contains(&Ability::TorqueOffset);
+        if axis.feed_forward.is_none() || !can || machine.device(index).takes_torque() {
+            continue;
+        }
+        log.report(
+            place.clone(),
+            format!(
+                "axis \"{}\": `feed_forward`, which drive \"{}\" ({}) is not sent: its maker has mapped its R_PDO without \
+                 60B2h",
+                axis.name(),
+                drive.name,
+                drive.model.title
+            ),
+            "leave the key out, or name an R_PDO by `r_pdo` that has 60B2h",
         );
     }
 }

@@ -8,6 +8,7 @@ mod cutting;
 mod dc_bus;
 mod described;
 mod encoder;
+mod feed_forward;
 mod files;
 mod fits;
 mod homing;
@@ -29,6 +30,7 @@ mod validation;
 
 pub use cutting::Cut;
 pub use encoder::{Encoder, Feedback, MEASURED};
+pub use feed_forward::FeedForward;
 pub use homing::{
     DriveHoming, HardStopSearch, Homing, HomingMethod, HomingPolicy, Square, SwitchSearch, TestMove,
 };
@@ -236,6 +238,8 @@ pub struct Axis {
     pub feedback: Option<Feedback>,
     /// How its drives bring it to where it is sent.
     pub motion: Motion,
+    /// What its drives are sent of the torque that they take, if they are.
+    pub feed_forward: Option<FeedForward>,
     /// By how much its setpoints come later than they are planned, in the mean, by the `[shaper]`: s.
     pub shaped_by: f64,
     /// `unsupervised_stop = "hardware"`: the enable chain stops its drives where the controller dies and they
@@ -541,6 +545,7 @@ impl Machine {
             soft_limits: None,
             point_to_point: false,
             torque: false,
+            torque_offset: None,
             profile_velocity: false,
             sync_divider: (index.checked_sub(self.drives.len()))
                 .and_then(|encoder| self.encoders.get(encoder))
@@ -602,6 +607,7 @@ impl Machine {
                 .then(|| drive_soft_limits(&axis.limits, scaling)),
             point_to_point: axis.motion == Motion::PointToPoint,
             torque: drive.torque,
+            torque_offset: axis.feed_forward.as_ref().map(FeedForward::rated),
             sync_divider: drive.sync_divider,
             ..common
         }

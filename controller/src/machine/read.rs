@@ -351,6 +351,7 @@ impl Tables {
         encoder::check(log, &machine, &stated);
         fits::check_ramps(log, &machine, &named);
         fits::check_velocities(log, &machine, &named);
+        fits::check_feed_forward(log, &machine, &named);
         fits::check_loops(log, &machine, &named);
         fits::check_spindle(log, &machine, turned);
         fits::check_guarding(log, &machine, &named);

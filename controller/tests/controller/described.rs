@@ -450,6 +450,70 @@ fn mapped_so(objects: &[u32], values: &str) -> Result<Machine, String> {
     load(&text, &eds.to_string()).map_err(|wrong| wrong.to_string())
 }
 
+/// Torques are sent where the data sheet has 60B2h, and the maker has mapped it or nobody has.
+#[test]
+fn torques_are_sent_to_a_drive_whose_r_pdo_can_have_them() {
+    const NEEDED: [u32; 2] = [0x607A_0020, 0x6040_0010];
+    const TORQUE: u32 = 0x60B2_0010;
+    let asked = MACHINE.replacen(
+        "drive_following_error = true\ndrive_soft_limits = true\n",
+        "feed_forward = { rated_torque = 1.4, inertia = 5e-4 }\n",
+        1,
+    );
+    let loaded = |machine: &str, eds: &Eds, values: &str| {
+        let text = format!("{}r_pdo_values = [{values}]\n", WHOLE[0].0);
+        load_as(machine, &text, &eds.to_string()).map_err(|wrong| wrong.to_string())
+    };
+    // The set-up maps it.
+    let takes = |machine: Machine| [0, 1].map(|drive| machine.device(drive).takes_torque());
+    assert_eq!(takes(loaded(&asked, &whole(0), "").unwrap()), [true, false]);
+    // So has the maker; who is not asked for torques says what is sent.
+    let mut mapped = whole(0);
+    map(&mut mapped, 0x1600, &[TORQUE, NEEDED[0], NEEDED[1]], true);
+    let stated = "[\"60B2:0\", 0]";
+    assert_eq!(
+        takes(loaded(&asked, &mapped, stated).unwrap()),
+        [true, false]
+    );
+    let unstated = loaded(&asked, &mapped, "").map(|_| ()).unwrap_err();
+    assert!(
+        unstated
+            .contains("60B2h:0 (Torque offset) is in R_PDO1, and nothing states what it is sent"),
+        "{unstated}"
+    );
+    // The maker has not; or the drive has no such object, or none that can be mapped.
+    let mut without = whole(0);
+    map(&mut without, 0x1600, &NEEDED, true);
+    let wrong = loaded(&asked, &without, "").map(|_| ()).unwrap_err();
+    assert!(
+        wrong.contains(
+            "which drive \"X\" (whole) is not sent: its maker has mapped its R_PDO without 60B2h"
+        ),
+        "{wrong}"
+    );
+    let mut none = whole(0);
+    none.objects.remove(&0x60B2);
+    let mut unmapped = whole(0);
+    let offset = unmapped.objects.get_mut(&0x60B2).unwrap();
+    offset.subs.get_mut(&0).unwrap().access = Access::Rw;
+    offset.subs.get_mut(&0).unwrap().pdo_mapping = false;
+    for eds in [none, unmapped] {
+        let wrong = loaded(&asked, &eds, "").map(|_| ()).unwrap_err();
+        assert!(
+            wrong.contains("`feed_forward`, which drive \"X\" (whole) cannot"),
+            "{wrong}"
+        );
+    }
+    // One that does not tell its motor's rated torque is taken at the file's word.
+    let mut silent = whole(0);
+    silent.objects.remove(&0x6076);
+    for (eds, reads) in [(whole(0), true), (silent, false)] {
+        let device = loaded(&asked, &eds, "").unwrap().device(0);
+        let mut read = device.spec().identity.iter();
+        assert_eq!(read.any(|it| it.address == Address::new(0x6076, 0)), reads);
+    }
+}
+
 #[test]
 fn what_else_is_in_an_r_pdo_has_a_value_that_fits_it() {
     const NEEDED: [u32; 2] = [0x607A_0020, 0x6040_0010];

@@ -13,6 +13,7 @@ use syncline_drives::model::{Increments, MODELS};
 use syncline_strict_toml::{Diagnostic, Invalid};
 
 const PORTAL: &str = include_str!("../../../examples/portal/machine.toml");
+const CSP: &str = include_str!("../../../examples/csp/machine.toml");
 const XYZ: &str = include_str!("../../../examples/xyz/machine.toml");
 
 fn parse(text: &str) -> Result<Machine, Invalid> {
@@ -474,6 +475,25 @@ fn every_mistake_is_found_named_and_placed() {
             "axis \"Y\": an increment of drive \"Y\" is more than `following_error_limit`",
             "allowed: `pitch` / `gear` up to",
         ),
+        // What only some drives are sent.
+        (
+            "soft_limits = [-300.0, 0.0]",
+            "soft_limits = [-300.0, 0.0]\nfeed_forward = §{ rated_torque = 1.4, inertia = 5e-4 }",
+            "axis \"Z\": `feed_forward`, which drive \"Z\" (LXM32M) cannot",
+            "leave the key out: its loops alone make the torque, as its own gains say",
+        ),
+        (
+            "soft_limits = [-300.0, 0.0]",
+            "soft_limits = [-300.0, 0.0]\nfeed_forward = { rated_torque = 1.4, inertia = §-1 }",
+            "axis \"Z\": feed_forward: `inertia` is -1",
+            "allowed: a number from 0 to 10000 (kg·m², at the motor's shaft)",
+        ),
+        (
+            "soft_limits = [-300.0, 0.0]",
+            "soft_limits = [-300.0, 0.0]\nfeed_forward = §{ inertia = 5e-4 }",
+            "axis \"Z\": feed_forward: missing key `rated_torque`",
+            "add `rated_torque`: a number from 0.01 to 4000000 (N·m)",
+        ),
         // Cycle and bit rate.
         (
             "cycle_us = 2000",
@@ -717,6 +737,8 @@ fn the_reference_is_complete() {
     for model in &models {
         text += &format!("[{model}]\n");
     }
+    let sent_torques =
+        CSP.replace("\"lxm32m\"", "\"cia402_csp\"") + "\n[axis.feed_forward]\nrated_torque = 1.4\n";
     let mut tables: Vec<_> = [
         ("machine", "[machine]"),
         ("controller", "[controller]"),
@@ -733,6 +755,7 @@ fn the_reference_is_complete() {
         ("io", "[[io]]"),
         ("user_code", "[[user_code]]"),
         ("axis", "[[axis]]"),
+        ("axis.feed_forward", "[axis.feed_forward]"),
         ("axis.simulation", "[axis.simulation]"),
     ]
     .map(|(table, header)| (table, header.to_owned()))
@@ -745,6 +768,7 @@ fn the_reference_is_complete() {
         let text = match table {
             "homing" | "axis.homing" => ROUTER,
             "spindle" => DRILL,
+            "axis.feed_forward" => &sent_torques,
             _ => &text,
         };
         let text = text.replacen(&header, &format!("{header}\nno_such_key = 1"), 1);

@@ -27,6 +27,7 @@ pub(super) static CIA402_CSP: Model = Model {
         Ability::FollowingErrorLimit,
         Ability::SoftLimits,
         Ability::Torque,
+        Ability::TorqueOffset,
     ],
     assumptions: &[
         &[MODE, INTERPOLATION_DELAY],
@@ -93,7 +94,8 @@ impl Cia402Csp {
 
 /// Setpoints and limits are the controller's, too; tuning is the user's.
 fn reserved(address: Address) -> bool {
-    generic::reserved(address) || matches!(address.index, 0x6065 | 0x607A | 0x607D | 0x60C1)
+    generic::reserved(address)
+        || matches!(address.index, 0x6065 | 0x607A | 0x607D | 0x60B2 | 0x60C1)
 }
 
 /// What the bytes of its EMCY mean is the maker's affair, and nobody knows who that is.
@@ -167,7 +169,11 @@ impl Drive for Cia402Csp {
             true => Controlword::MODE_4,
             false => 0,
         };
-        let arranged = cia402::to_position(cia402::controlword(command, start), setpoint.position);
+        let word = cia402::controlword(command, start);
+        let [p0, p1, p2, p3, p4, p5] = cia402::to_position(word, setpoint.position);
+        let [t0, t1] = (setpoint.torque.round() as i16).to_le_bytes();
+        // The torque goes where 60B2h is mapped, if it is.
+        let arranged = [p0, p1, p2, p3, p4, p5, t0, t1];
         frames[0] = self
             .pdos
             .receive
@@ -295,6 +301,55 @@ mod tests {
             ..settings(2000, &[("fixed_mapping", 1)])
         });
         assert_eq!(fixed.spec().t_pdos[0].bytes, 6);
+    }
+
+    #[test]
+    fn a_torque_goes_behind_the_position_where_that_is_asked_for() {
+        let drive = |assumed| {
+            csp(&Settings {
+                torque_offset: Some(2_300),
+                ..settings(2000, assumed)
+            })
+        };
+        let mut asked = drive(&[]);
+        let writes = writes(&asked);
+        let rows = writes.iter().filter(|row| row.starts_with("1600"));
+        let expected = [
+            "1600:0 1 0",
+            "1600:1 4 60400010",
+            "1600:2 4 607A0020",
+            "1600:3 4 60B20010",
+            "1600:0 1 3",
+        ];
+        assert_eq!(rows.collect::<Vec<_>>(), expected);
+        let mut identity = asked.spec().identity.iter();
+        let rated = identity.find(|it| it.address == Address::new(0x6076, 0));
+        assert_eq!(rated.map(|it| it.value), Some(2_300));
+        let sent = |drive: &mut Cia402Csp, torque| {
+            let mut frames = [Frame::new(CobId::SYNC, &[])];
+            let setpoint = Setpoint {
+                torque,
+                ..Setpoint::at(Increments::new(2))
+            };
+            drive.encode(PowerCommand::Run, setpoint, &mut frames);
+            frames[0].data().to_vec()
+        };
+        for (torque, bytes) in [
+            (-100.4, [0x9C, 0xFF]),
+            (0.0, [0, 0]),
+            (1e9, [0xFF, 0x7F]),
+            (-1e9, [0x00, 0x80]),
+        ] {
+            assert_eq!(
+                sent(&mut asked, torque),
+                [&[0x0F, 0, 2, 0, 0, 0][..], &bytes].concat()
+            );
+        }
+        // One that is not asked is sent none, nor one whose maker has mapped none.
+        let others = [csp(&settings(2000, &[])), drive(&[("fixed_mapping", 1)])];
+        for mut other in others {
+            assert_eq!(sent(&mut other, 50.0), [0x0F, 0, 2, 0, 0, 0]);
+        }
     }
 
     #[test]

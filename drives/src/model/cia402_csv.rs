@@ -403,6 +403,7 @@ mod tests {
         let turning = |rpm: f64| Setpoint {
             velocity: rpm / 60.0 * 1_048_576.0,
             position: Increments::new(1 << 40),
+            ..Setpoint::default()
         };
         assert_eq!(drive.check(turning(-2_147_483_647.0)), Ok(()));
         assert_eq!(drive.check(turning(2_147_484_000.0)), Err(OutOfRange));

@@ -3,6 +3,7 @@
 //! A device is made, set up and followed by the generic model's own code. Which objects that needs is asked of
 //! the device that it makes: what it writes, reads and maps has to be in the data sheet.
 
+use super::profile::cia402::TORQUE_OFFSET;
 use super::{Ability, Address, Data, Device, Increments, MODELS, Mapping, Model, Settings};
 use core::fmt;
 use std::collections::BTreeMap;
@@ -62,8 +63,11 @@ impl Model {
         let has = |address| dictionary.iter().any(|entry| entry.address == address);
         let abilities = self.abilities.iter().copied();
         let abilities = abilities.filter(|ability| objects_of(*ability).iter().copied().all(has));
-        let tells = |ability: &Ability| *ability != Ability::Torque || is_told(dictionary, TORQUE);
-        let abilities = abilities.filter(tells);
+        let abilities = abilities.filter(|ability| match ability {
+            Ability::Torque => is_mapped(dictionary, TORQUE, |by| by.t_pdo),
+            Ability::TorqueOffset => is_mapped(dictionary, TORQUE_OFFSET, |by| by.r_pdo),
+            _ => true,
+        });
         let model: &'static Self = Box::leak(Box::new(Self {
             name,
             title: name,
@@ -187,7 +191,9 @@ impl Model {
         let received: Vec<&Mapping> = mapped.into_iter().filter(|it| it.is_received()).collect();
         let own = |address: Address| {
             let mut needed = received.iter().flat_map(|it| it.needed());
-            needed.any(|it| it == address) || spec.setup.iter().any(|it| it.address == address)
+            // Of two drives of a description one may be sent torques, and the other the value.
+            needed.any(|it| it == address && it != TORQUE_OFFSET)
+                || spec.setup.iter().any(|it| it.address == address)
         };
         let problem = |address: Address| {
             if own(address) {
@@ -338,11 +344,11 @@ const MODES: Address = Address::new(0x6502, 0);
 /// The objects by which a drive of CiA 402 has an ability.
 const TORQUE: Address = Address::new(0x6077, 0);
 
-/// Whether T_PDOs can carry an object as the profile has it, 16 bits signed.
-fn is_told(dictionary: &[Entry], address: Address) -> bool {
+/// Whether PDOs can carry an object as the profile has it, 16 bits signed.
+fn is_mapped(dictionary: &[Entry], address: Address, by: impl Fn(Mappable) -> bool) -> bool {
     let mut rows = dictionary.iter();
     let row = rows.find(|row| row.address == address);
-    row.is_some_and(|row| row.mappable.t_pdo && row.data_type == DataType::I16)
+    row.is_some_and(|row| by(row.mappable) && row.data_type == DataType::I16)
 }
 
 fn objects_of(ability: Ability) -> &'static [Address] {
@@ -352,6 +358,7 @@ fn objects_of(ability: Ability) -> &'static [Address] {
         Ability::ProfileVelocity => const { &[Address::new(0x6083, 0), Address::new(0x6084, 0)] },
         Ability::PointToPoint | Ability::SyncDivider | Ability::CountsWithinTurn => &[],
         Ability::Torque => const { &[TORQUE] },
+        Ability::TorqueOffset => const { &[TORQUE_OFFSET] },
     }
 }
 

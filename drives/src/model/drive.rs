@@ -178,6 +178,9 @@ pub struct Setpoint {
     pub position: Increments,
     /// How fast it goes there, increments/s, for one that is sent velocities.
     pub velocity: f64,
+    /// What it takes to go there, in thousandths of the motor's rated torque, in the direction in which its positions
+    /// grow, for one that is sent [torque offsets](super::Settings::torque_offset).
+    pub torque: f64,
 }
 
 impl Setpoint {
@@ -187,6 +190,7 @@ impl Setpoint {
         Self {
             position,
             velocity: 0.0,
+            torque: 0.0,
         }
     }
 }

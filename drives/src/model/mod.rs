@@ -192,6 +192,17 @@ impl Device {
         t_pdos.any(|(at, pdo)| drive.torque(at, &vec![0; pdo.bytes.into()]).is_some())
     }
 
+    /// Whether it is sent torques with its setpoints, as it is where [`Settings::torque_offset`] asks for it and its R_PDO
+    /// has room for them.
+    #[must_use]
+    pub fn takes_torque(&self) -> bool {
+        let mapped = self.mapped().into_iter();
+        let mut objects = mapped
+            .filter(|it| it.is_received())
+            .flat_map(Mapping::needed);
+        self.drive().is_some() && objects.any(|it| it == profile::cia402::TORQUE_OFFSET)
+    }
+
     /// Its inputs and outputs, if its PDOs carry them.
     #[must_use]
     pub fn io(&self) -> Option<&dyn Io> {
@@ -247,6 +258,8 @@ pub enum Ability {
     PointToPoint,
     /// Its T_PDOs can tell its torque, [`Settings::torque`].
     Torque,
+    /// Its loops add a torque that it is sent with its setpoints, [`Settings::torque_offset`].
+    TorqueOffset,
     /// Its T_PDOs can answer every so many SYNCs while its setpoints come with each, [`Settings::sync_divider`]. What has to be
     /// seen to take each of its setpoints cannot.
     SyncDivider,
@@ -391,6 +404,9 @@ pub struct Settings {
     pub point_to_point: bool,
     /// Its T_PDOs tell its actual torque too ([`Drive::torque`]). Asked of those with [`Ability::Torque`] only.
     pub torque: bool,
+    /// What its loops ask for is sent it in advance, with each setpoint, where its motor has that rated torque,
+    /// thousandths of N·m ([`Setpoint::torque`]). Asked of those with [`Ability::TorqueOffset`] only.
+    pub torque_offset: Option<u32>,
     /// It turns a spindle: the drive goes to the velocities that it is sent by ramps of its own with
     /// [`acceleration`](Self::acceleration), and counts on as long as it turns. Asked of those with
     /// [`Ability::ProfileVelocity`] only.
@@ -428,6 +444,7 @@ impl Settings {
             soft_limits: None,
             point_to_point: false,
             torque: false,
+            torque_offset: None,
             profile_velocity: false,
             sync_divider: 1,
             io: IoSettings::default(),

@@ -362,6 +362,7 @@ mod tests {
         let setpoint = Setpoint {
             position: Increments::new(77),
             velocity,
+            ..Setpoint::default()
         };
         drive.encode(command, setpoint, &mut frames);
         assert_eq!(frames[0].id(), syncline_canopen::CanId::Standard(0x304));

@@ -26,6 +26,7 @@ mod enabling;
 mod entered;
 mod faults;
 mod feed_axes;
+mod feed_forward;
 mod feed_per_turn;
 mod feedback;
 mod fits;

@@ -16,6 +16,9 @@ const MODE_DISPLAY: Address = Address::new(0x6061, 0);
 pub(in crate::model) static POSITIONS: [Address; 2] =
     [Address::new(0x60C1, 1), Address::new(0x607A, 0)];
 
+/// What a drive's loops add to their torque, in thousandths of the motor's rated one.
+pub(in crate::model) const TORQUE_OFFSET: Address = Address::new(0x60B2, 0);
+
 /// How late a drive's position reference follows what it was sent.
 pub(in crate::model) const INTERPOLATION_DELAY: Assumption = Assumption {
     name: "interpolation_delay",

@@ -12,7 +12,7 @@ use crate::model::{
     NODES, NodeSpec, Settings, Write,
 };
 use core::time::Duration;
-use syncline_canopen::dictionary::Preset;
+use syncline_canopen::dictionary::{Entry, Preset};
 use syncline_canopen::{BIT_RATES, CobId, NodeId, pdo::CobIdWord};
 
 pub(in crate::model) const ENCODER_INCREMENTS: Assumption = Assumption {
@@ -105,6 +105,9 @@ pub(in crate::model) const DRIVE: &[Assumption] = &[
     SDO_RESPONSE,
 ];
 
+/// The motor's rated torque, thousandths of N·m.
+const RATED_TORQUE: Address = Address::new(0x6076, 0);
+
 /// What generic drives differ in.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::model) struct Kind {
@@ -115,6 +118,9 @@ pub(in crate::model) struct Kind {
     /// What the T_PDO brings behind the statusword, likewise.
     pub(in crate::model) actual: u32,
 }
+
+/// 60B2h, mapped.
+const TORQUE_OFFSET_MAPPED: u32 = 0x60B2_0010;
 
 /// 6064h, mapped.
 pub(in crate::model) const POSITION: u32 = 0x6064_0020;
@@ -142,7 +148,11 @@ impl Pdos {
         }));
         values.extend(model.r_pdo_values);
         let torque: &[u32] = if settings.torque { &[0x6077_0010] } else { &[] };
-        let receive = [&[0x6040_0010, kind.setpoint][..], &[]];
+        let offset: &[u32] = match settings.torque_offset {
+            Some(_) => &[TORQUE_OFFSET_MAPPED],
+            None => &[],
+        };
+        let receive = [&[0x6040_0010, kind.setpoint][..], offset];
         let transmit = [&[0x6041_0010, kind.actual][..], torque];
         let mapped =
             |index, needed, values| Mapping::by_maker(model, is_said, index, needed, values);
@@ -216,7 +226,7 @@ pub(in crate::model) fn spec(
     let mut setup = setup(model, settings, kind, &pdos, own);
     setup.extend(communication::supervision(monitoring, &settings.heartbeat));
     let spec = NodeSpec {
-        identity: identity(assumed, kind, &pdos),
+        identity: identity(model, settings, kind, &pdos),
         // The serial number (CiA 301, 7.5.2.24), which a device need not have.
         marks: [Some(Address::new(0x1018, 4)), None],
         history: cia402::HISTORY.to_vec(),
@@ -233,8 +243,8 @@ pub(in crate::model) fn spec(
 }
 
 /// What tells a drive that does as is assumed.
-fn identity(assumed: &Assumed, kind: Kind, pdos: &Pdos) -> Vec<Identity> {
-    let reads = Identity::new;
+fn identity(model: &Model, settings: &Settings, kind: Kind, pdos: &Pdos) -> Vec<Identity> {
+    let (reads, assumed) = (Identity::new, &settings.assumed);
     // Bit 0 of 6502h is mode 1.
     let mode = 1 << (kind.mode - 1);
     // What stands above CiA 402 tells a servo from other drives.
@@ -250,6 +260,15 @@ fn identity(assumed: &Assumed, kind: Kind, pdos: &Pdos) -> Vec<Identity> {
             reads(0x6091, 1, "gear ratio, motor shaft", 1),
             reads(0x6091, 2, "gear ratio, driving shaft", 1),
         ]);
+    }
+    // What the offsets are parts of, where the drive tells it.
+    let tells = |row: &Entry| row.address == RATED_TORQUE;
+    if let Some(rated) = settings
+        .torque_offset
+        .filter(|_| model.dictionary.iter().any(tells))
+    {
+        let Address { index, sub } = RATED_TORQUE;
+        identity.push(reads(index, sub, "motor rated torque", rated));
     }
     identity.extend(pdos.all().into_iter().flat_map(Mapping::identity));
     identity

@@ -95,6 +95,7 @@ impl Drive {
         };
         let [vendor_id, product_code] = config.identity;
         let modes = drive.objects.value(0x6502, 0).unwrap_or(0);
+        let rated_torque = drive.servo.loops.cascade.gains().continuous_torque;
         for (address, value) in [
             (Address::new(0x1018, 1), vendor_id),
             (Address::new(0x1018, 2), product_code),
@@ -102,6 +103,10 @@ impl Drive {
             (
                 Address::new(0x6502, 0),
                 Some(modes as u32 | 1 << (config.mode - 1)),
+            ),
+            (
+                Address::new(0x6076, 0),
+                Some(libm::round(rated_torque * 1000.0) as u32),
             ),
             (Address::new(0x608F, 1), Some(config.encoder_increments)),
         ] {
@@ -208,6 +213,7 @@ impl Drive {
     /// A SYNC, after the synchronous R_PDOs have been put into effect.
     pub(super) fn on_sync(&mut self, now: Instant) {
         self.servo.loops.begin_cycle();
+        self.offset_torque();
         let since_last = self.last_sync.replace(now);
         let since_last = since_last.map_or(0.0, |last| seconds(now.saturating_since(last)));
         if !self.runs() || self.has_ramps() {
@@ -235,6 +241,19 @@ impl Drive {
             Motion::Follow(segment) => segment.next(to, now, period),
             _ => Segment::new(self.reference.position, to, now, period),
         });
+    }
+
+    /// Has the loops add 60B2h, where they control a position.
+    fn offset_torque(&mut self) {
+        let cascade = &mut self.servo.loops.cascade;
+        let rated = cascade.gains().continuous_torque;
+        if !matches!(
+            self.mode,
+            INTERPOLATED_POSITION | CYCLIC_SYNCHRONOUS_POSITION
+        ) {
+            return;
+        }
+        cascade.offset_torque(self.settings.torque_offset * rated);
     }
 
     /// Another mode than the one that follows setpoints: what moves comes to rest.

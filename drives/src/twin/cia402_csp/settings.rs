@@ -17,6 +17,8 @@ pub(super) struct Settings {
     pub(super) target: f64,
     /// It is outside of 607Dh.
     pub(super) target_is_limited: bool,
+    /// 60B2h, as a part of the motor's rated torque.
+    pub(super) torque_offset: f64,
     /// 60FFh, or 6042h within 6046h in velocity mode, in units of velocity.
     pub(super) target_velocity: i64,
     /// 6042h is outside of 6046h.
@@ -76,6 +78,7 @@ impl Settings {
             mode,
             target: limited as f64,
             target_is_limited: limited != target,
+            torque_offset: value(0x60B2, 0) as f64 / 1000.0,
             target_velocity,
             velocity_is_limited: target_velocity != asked,
             ramps: match mode {

@@ -5,6 +5,7 @@
 //!             ▲          ▲  suppression               ▲          ▲
 //!          encoder   velocity × share      speed, filtered   acceleration × inertia × share
 //!                                                            + friction compensation
+//!                                                            + torque offset
 //! ```
 //!
 //! The manual at hand names these parameters (3011h…3013h) without their values; the defaults
@@ -153,7 +154,9 @@ pub struct Cascade {
     torque_limit: f64,
     speed_reference: f64,
     delayed: Delayed,
-    /// Feed-forward and friction compensation, N·m.
+    /// What the drive is sent besides, N·m.
+    torque_offset: f64,
+    /// Feed-forward, friction compensation and what is sent, N·m.
     torque_forward: f64,
     filtered_reference: f64,
     filtered_speed: f64,
@@ -173,6 +176,7 @@ impl Cascade {
             torque_limit: f64::INFINITY,
             speed_reference: 0.0,
             delayed: Delayed::default(),
+            torque_offset: 0.0,
             torque_forward: 0.0,
             filtered_reference: 0.0,
             filtered_speed: 0.0,
@@ -216,6 +220,11 @@ impl Cascade {
         self.torque_limit = limit;
     }
 
+    /// The torque that the speed loop adds to its own from the next step of the position loop on, N·m.
+    pub fn offset_torque(&mut self, offset: f64) {
+        self.torque_offset = offset;
+    }
+
     /// Torque that the loops ask for now, N·m.
     #[must_use]
     pub fn torque(&self) -> f64 {
@@ -238,7 +247,7 @@ impl Cascade {
     pub fn position_step(&mut self, reference: Reference, encoder: i64, increments_per_rev: f64) {
         let gains = &self.gains;
         let limit = gains.speed_limit;
-        let mut forward_torque = 0.0;
+        let mut forward_torque = self.torque_offset;
         let mut speed = match reference {
             Reference::Position {
                 position,
@@ -248,7 +257,7 @@ impl Cascade {
                 let error = (position - encoder as f64) / increments_per_rev;
                 let forward = velocity / increments_per_rev * gains.velocity_feed_forward;
                 let radians = acceleration / increments_per_rev * TAU;
-                forward_torque = gains.acceleration_feed_forward * gains.inertia * radians;
+                forward_torque += gains.acceleration_feed_forward * gains.inertia * radians;
                 (forward + gains.position * error).clamp(-limit, limit)
             }
             Reference::Velocity(velocity) => velocity.clamp(-limit, limit),

@@ -1,0 +1,76 @@
+//! `feed_forward` of an axis: what its motors take to move it, which its drives are sent with each setpoint.
+
+use serde::Serialize;
+use std::ops::{Range, RangeInclusive};
+use syncline_drives::model::Ability;
+use syncline_strict_toml::{Log, Table};
+
+/// What a motor takes to move its axis, at its shaft; of a gantry each of both. As [`identify`](crate::identify) finds it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct FeedForward {
+    /// The motor's rated torque, N·m: what 6076h says, and what offsets are parts of.
+    pub rated_torque: f64,
+    /// Inertia of all that moves, kg·m².
+    pub inertia: f64,
+    /// Coulomb friction, N·m.
+    pub coulomb_friction: f64,
+    /// Viscous friction, N·m·s/rad.
+    pub viscous_friction: f64,
+    /// The torque that holds the axis against gravity, N·m: positive where it pushes in the axis's positive direction.
+    pub gravity: f64,
+}
+
+/// The rated torque of a motor, N·m: 6076h counts thousandths of it with 32 bits.
+const RATED: RangeInclusive<f64> = 0.01..=4e6;
+
+impl FeedForward {
+    /// What 6076h has to read, thousandths of N·m.
+    pub(super) fn rated(&self) -> u32 {
+        (self.rated_torque * 1000.0).round() as u32
+    }
+}
+
+/// Reads it, and where the file says so.
+pub(super) fn read(
+    log: &mut Log<'_>,
+    axis: &mut Table<'_, '_>,
+) -> Option<(FeedForward, Range<usize>)> {
+    let allowed = "a table: { rated_torque = 1.4, inertia = 5e-4 }";
+    let mut table = axis.table_if(log, KEY, allowed)?;
+    let span = axis.span_of(KEY)?;
+    table.title = format!("{}: {KEY}", axis.title);
+    let mut number = |key, default: Option<f64>, range: RangeInclusive<f64>, unit: &str| {
+        let (least, most) = (range.start(), range.end());
+        let allowed = format!("a number from {least} to {most} {unit}");
+        let accept = |number: f64| range.contains(&number);
+        match default {
+            None => Some(table.number(log, key, &allowed, accept)?.into_inner()),
+            Some(default) => Some(
+                (table.number_if(log, key, &allowed, accept)).map_or(default, |it| it.into_inner()),
+            ),
+        }
+    };
+    let rated_torque = number("rated_torque", None, RATED, "(N·m)");
+    let inertia = number(
+        "inertia",
+        Some(0.0),
+        0.0..=1e4,
+        "(kg·m², at the motor's shaft)",
+    );
+    let coulomb_friction = number("coulomb_friction", Some(0.0), 0.0..=1e6, "(N·m)");
+    let viscous_friction = number("viscous_friction", Some(0.0), 0.0..=1e6, "(N·m·s/rad)");
+    let gravity = number("gravity", Some(0.0), -1e6..=1e6, "(N·m)");
+    table.finish(log);
+    let feed_forward = FeedForward {
+        rated_torque: rated_torque?,
+        inertia: inertia?,
+        coulomb_friction: coulomb_friction?,
+        viscous_friction: viscous_friction?,
+        gravity: gravity?,
+    };
+    Some((feed_forward, span))
+}
+
+/// The key, and what it asks of the drives.
+pub(super) const KEY: &str = "feed_forward";
+pub(super) const ABILITY: Ability = Ability::TorqueOffset;

@@ -1,0 +1,168 @@
+//! Torques that drives are sent with their setpoints.
+
+use syncline_canopen::cia402::{Controlword, State, Statusword};
+use syncline_canopen::{CanId, CobId, NodeId};
+use syncline_controller::control::{End, Fault};
+use syncline_drives::bus::Transmission;
+use syncline_tests::rig::{PORTAL_PROGRAM, Rig};
+
+/// Of a revolution of its motor, mm: 160 mm over a gear of 8.
+const TRAVEL: f64 = 20.0;
+
+/// Of a revolution of its encoder.
+const COUNTS: f64 = 1_048_576.0;
+
+/// Seconds.
+const CYCLE: f64 = 2e-3;
+
+/// Of the motor, N·m.
+const RATED: f64 = 3.0;
+
+/// On a belt that gives way, so that its loops are slow: 6.1e-4 kg·m² of load and 2.8e-4 of the motor, 0.1 N·m of
+/// friction of the motor and 0.13 of the guide.
+const PLANT: &str = "{ motor = \"generic-3\", transmission = \"belt\", load = 60, friction = 40, gravity = -120, \
+                     brake_torque = 6 }";
+
+/// What it takes, as somebody has found who did not know the plant.
+const INERTIA: f64 = 8.8e-4;
+const FRICTION: f64 = 0.22;
+const GRAVITY: f64 = 0.38;
+
+/// The portal with Y on that plant, and with what else is said of that axis.
+fn portal(said: &str, drive: &str) -> Rig {
+    let axis = format!("max_velocity = 800.0\nsimulation = {PLANT}\n{said}");
+    let replacements = [
+        ("max_velocity = 800.0", axis.as_str()),
+        ("model = \"cia402_csp\"", drive),
+        // By what it gives way as it is enabled at 0 it is not outside, and no fault.
+        (
+            "soft_limits = [0.0, 1000.0]\nfollowing_error_limit = 2.0\nstandstill_window = 0.05",
+            "soft_limits = [-10.0, 1000.0]\nfollowing_error_limit = 2.0\nstandstill_window = 0.5",
+        ),
+    ];
+    Rig::new("csp", &replacements, PORTAL_PROGRAM, |_, _| ())
+}
+
+fn feed_forward() -> String {
+    format!(
+        "feed_forward = {{ rated_torque = {RATED:?}, inertia = {INERTIA:e}, coulomb_friction = {FRICTION}, gravity = {GRAVITY} }}"
+    )
+}
+
+fn node() -> NodeId {
+    NodeId::new(3).unwrap()
+}
+
+/// The greatest following error of Y, mm.
+fn worst(rig: &Rig) -> f64 {
+    let errors = rig.rows.iter().map(|row| row.axes[1].following_error.abs());
+    errors.fold(0.0, f64::max)
+}
+
+/// Controlword, target position and torque offset of each R_PDO.
+fn sent(rig: &Rig) -> Vec<(u16, i32, i16)> {
+    let frames = rig.sent(CobId::r_pdo(2, node())).into_iter();
+    let sent = frames.map(|it| match *it.frame.data() {
+        [c0, c1, p0, p1, p2, p3, t0, t1] => (
+            u16::from_le_bytes([c0, c1]),
+            i32::from_le_bytes([p0, p1, p2, p3]),
+            i16::from_le_bytes([t0, t1]),
+        ),
+        ref data => panic!("an R_PDO of {} bytes", data.len()),
+    });
+    sent.collect()
+}
+
+/// By how much Y gives way from where it stands without torque, in the first 40 ms for which it is enabled, mm: it is planned to rest then.
+fn sags(rig: &Rig) -> f64 {
+    let is_told = |it: &Transmission| it.frame.id() == CanId::from(CobId::t_pdo(2, node()));
+    let told = rig.frames().into_iter().filter(is_told);
+    let told = told.map(|it| match *it.frame.data() {
+        [s0, s1, p0, p1, p2, p3] => (
+            Statusword(u16::from_le_bytes([s0, s1])).state(),
+            i32::from_le_bytes([p0, p1, p2, p3]),
+        ),
+        ref data => panic!("a T_PDO of {} bytes", data.len()),
+    });
+    let told: Vec<_> = told.collect();
+    let enabled = told
+        .iter()
+        .filter(|it| it.0 == Some(State::OperationEnabled));
+    let away = enabled.take(20).map(|it| (it.1 - told[0].1).abs()).max();
+    f64::from(away.expect("it is enabled")) * TRAVEL / COUNTS
+}
+
+#[test]
+fn a_soft_axis_follows_better_by_what_its_drive_is_sent() {
+    let csp = "model = \"cia402_csp\"";
+    let mirrored = "model = \"cia402_csp\"\ndirection = \"negative\"";
+    let finished = |said: &str, drive| {
+        let mut rig = portal(said, drive);
+        assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+        rig.trace().assert_within_limits();
+        assert!(rig.ends_at_rest());
+        rig
+    };
+    let without = finished("", csp);
+    for drive in [csp, mirrored] {
+        let with = finished(&feed_forward(), drive);
+        let (was, is) = (worst(&without), worst(&with));
+        println!("{drive}: {was:.4} mm, {is:.4} mm");
+        assert!(is < 0.3 * was, "{is} mm in place of {was}");
+        // As it is enabled, its brake opens, and it hangs on its loops alone, or on what they are sent.
+        let (was, is) = (sags(&without), sags(&with));
+        println!("sags {was:.4} mm, {is:.4} mm");
+        assert!(is < 0.3 * was, "{is} mm in place of {was}");
+    }
+}
+
+/// What goes with each setpoint: by the setpoints alone, as somebody on the bus would reckon it.
+#[test]
+fn torques_are_those_that_the_setpoints_take() {
+    let mut rig = portal(&feed_forward(), "model = \"cia402_csp\"");
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    let sent = sent(&rig);
+    let jerk = 100_000.0;
+    let permille = |torque: f64| torque / RATED * 1000.0;
+    let radians = std::f64::consts::TAU / TRAVEL;
+    let mut greatest = 0.0_f64;
+    for three in sent.windows(3) {
+        let [before, (word, here, torque), there] = [three[0], three[1], three[2]];
+        if word != Controlword::ENABLE_OPERATION.0 {
+            continue;
+        }
+        let mm = |counts: i32| f64::from(counts) * TRAVEL / COUNTS;
+        let [before, here, there] = [before.1, here, there.1].map(mm);
+        let velocity = (here - before) / CYCLE;
+        let acceleration = (there - 2.0 * here + before) / (CYCLE * CYCLE);
+        let friction = (velocity / (TRAVEL * 5.0 / 60.0)).clamp(-1.0, 1.0) * FRICTION;
+        let expected = permille(INERTIA * radians * acceleration + friction + GRAVITY);
+        // A cycle later the acceleration is another one, and increments are whole ones.
+        let rounding = 4.0 * TRAVEL / COUNTS / (CYCLE * CYCLE);
+        let allowed = 0.51 + permille(INERTIA * radians * (jerk * CYCLE + rounding));
+        assert!(
+            (f64::from(torque) - expected).abs() < allowed,
+            "{torque} in place of {expected} ± {allowed}"
+        );
+        greatest = greatest.max((f64::from(torque) - permille(GRAVITY)).abs());
+    }
+    let most = permille(INERTIA * radians * 5000.0 + FRICTION);
+    assert!(
+        (0.9 * most..1.05 * most).contains(&greatest),
+        "{greatest} of {most}"
+    );
+}
+
+/// What the torques are parts of is the drive's, and is read before anything is written.
+#[test]
+fn a_motor_of_another_rated_torque_is_refused_by_name() {
+    let said = "feed_forward = { rated_torque = 2.5, inertia = 8.8e-4 }";
+    let mut rig = portal(said, "model = \"cia402_csp\"");
+    let Fault::Device(_, cause) = rig.finish_with_fault() else {
+        panic!("{:?}", rig.events);
+    };
+    let fault = cause.to_string();
+    let expected = "object 6076h:0 (motor rated torque) reads 00000BB8h, expected 000009C4h";
+    assert!(fault.contains(expected), "{fault}");
+    assert!(sent(&rig).is_empty());
+}
