@@ -36,6 +36,9 @@ pub struct AxisSpec {
     pub drives: Vec<DeviceSpec>,
     /// What the file says of what its drives move: the inside of `simulation`.
     pub simulation: Option<String>,
+    /// What its drives are sent of the torque that the plan takes: the inside of `feed_forward`.
+    #[serde(default)]
+    pub feed_forward: Option<String>,
     /// How it is homed: the inside of `homing`. Its encoders are absolute if there is none.
     #[serde(default)]
     pub homing: Option<String>,
@@ -197,6 +200,7 @@ impl AxisSpec {
             soft_limits: [digits(least * travel), digits((least + span) * travel)],
             supervised: dice.chance(0.5),
             simulation: dice.chance(0.15).then(|| Self::simulation(dice)),
+            feed_forward: None,
             homing: None,
             encoder: None,
             goes: false,
@@ -229,6 +233,30 @@ impl AxisSpec {
     fn simulation(dice: &mut Dice) -> String {
         let motor = dice.pick(&["generic-3", "generic-6", "generic-12"]);
         format!("motor = \"{motor}\"")
+    }
+
+    /// Has drives that can be sent torques be sent them: of an axis of which somebody knows not quite what it takes.
+    pub(super) fn send_torques(&mut self, dice: &mut Dice) {
+        let takes = |drive: &DeviceSpec| {
+            let model = drive.model();
+            model.is_some_and(|model| model.abilities.contains(&Ability::TorqueOffset))
+        };
+        let (asked, inertia) = (dice.chance(0.4), dice.between(1e-4, 6e-4));
+        let friction = dice.between(0.0, 0.1);
+        if !asked || self.goes || !self.drives.iter().all(takes) {
+            return;
+        }
+        let simulation = self.simulation.as_deref().unwrap_or_default();
+        let motors = [("generic-3", 3.0), ("generic-6", 6.0), ("generic-12", 12.0)];
+        let named = motors
+            .iter()
+            .find(|(name, _)| simulation.contains(&format!("{name}\"")));
+        let rated = named.map_or(1.4, |(_, rated)| *rated);
+        self.feed_forward = Some(format!(
+            "rated_torque = {rated:?}, inertia = {}, coulomb_friction = {}",
+            rounded(inertia, 6),
+            rounded(friction, 3)
+        ));
     }
 
     /// Has it be homed: where it is set, or, if its drive has an input to spare, by a switch.
@@ -409,6 +437,9 @@ impl AxisSpec {
         }
         if self.drives.len() == 2 {
             let _ = writeln!(text, "skew_limit = {}", digits(0.1 * self.travel));
+        }
+        if let Some(inside) = &self.feed_forward {
+            let _ = writeln!(text, "feed_forward = {{ {inside} }}");
         }
         if let Some(inside) = &self.simulation {
             let _ = writeln!(text, "simulation = {{ {inside} }}");

@@ -166,6 +166,7 @@ impl MachineSpec {
         machine.measure(&mut Dice::new(seed, 17));
         machine.turn(&mut Dice::new(seed, 19));
         machine.take_indices(&mut Dice::new(seed, 23));
+        machine.send_torques(&mut Dice::new(seed, 29));
         machine
     }
 
@@ -405,6 +406,17 @@ impl MachineSpec {
         for axis in &mut self.axes {
             if dice.chance(0.4) {
                 axis.take_index();
+            }
+        }
+    }
+
+    /// Has the drives of some axes be sent the torque that the plan takes, where they can and the buses have room for it.
+    fn send_torques(&mut self, dice: &mut Dice) {
+        for place in 0..self.axes.len() {
+            let mut with = self.clone();
+            with.axes[place].send_torques(dice);
+            if with.axes[place] != self.axes[place] && with.fits() {
+                *self = with;
             }
         }
     }
@@ -682,7 +694,7 @@ mod tests {
     #[test]
     fn whatever_is_wired_is_good() {
         let (mut wires, mut homed, mut switches, mut encoders, mut shapers) = (0, 0, 0, 0, 0);
-        let (mut spindles, mut measured, mut indices) = (0, 0, 0);
+        let (mut spindles, mut measured, mut indices, mut torques) = (0, 0, 0, 0);
         let (mut velocities, mut goers, mut steppers, mut loops, mut described) = (0, 0, 0, 0, 0);
         for seed in 0..300 {
             let spec = MachineSpec::of(seed);
@@ -709,6 +721,7 @@ mod tests {
                 homing.is_some_and(|it| it.contains("index = true"))
             };
             indices += spec.axes.iter().filter(by_index).count();
+            torques += (spec.axes.iter().filter(|it| it.feed_forward.is_some())).count();
             spec.machine()
                 .unwrap_or_else(|wrong| panic!("{seed}: {wrong}"));
         }
@@ -717,8 +730,8 @@ mod tests {
             "{wires} {homed} {switches} {encoders} {shapers}"
         );
         assert!(
-            spindles > 20 && measured > 20 && indices > 10,
-            "{spindles} {measured} {indices}"
+            spindles > 20 && measured > 20 && indices > 10 && torques > 20,
+            "{spindles} {measured} {indices} {torques}"
         );
         assert!(
             velocities > 50 && goers > 20 && steppers > 10 && loops > 20 && described > 100,
