@@ -108,7 +108,7 @@ fn loops(criterion: &mut Criterion) {
                 if step % 4 == 0 {
                     cascade.position_step(reference, encoder, 131_072.0);
                 }
-                torque = cascade.speed_step(reference, encoder, 131_072.0, STEP, false);
+                torque = cascade.speed_step(reference, encoder, 131_072.0, false);
             }
             torque
         };

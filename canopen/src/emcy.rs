@@ -124,6 +124,12 @@ impl Producer {
         self.poll(now, cob_id, tx);
     }
 
+    /// Whether a message waits for its time.
+    #[must_use]
+    pub fn waits(&self) -> bool {
+        self.waiting > 0
+    }
+
     /// When [`Self::poll`] wants to be called.
     #[must_use]
     pub fn deadline(&self) -> Option<Instant> {

@@ -143,6 +143,18 @@ impl Communication {
         pdos.find(|pdo| pdo.has_id(id)).map(|pdo| pdo.number)
     }
 
+    /// Whether a frame that is neither SDO nor NMT may be for this node.
+    pub(super) fn concerns(&self, frame: &Frame) -> bool {
+        let id = frame.id();
+        let is = |of: CobId| id == CanId::from(of);
+        let mut watched = self.watched.iter().flatten();
+        let mut r_pdos = self.r_pdos.iter();
+        frame.is_remote()
+            || self.sync_id.is_some_and(is)
+            || r_pdos.any(|pdo| pdo.has_id(id))
+            || watched.any(|it| is(CobId::error_control(it.node())))
+    }
+
     /// A frame that is neither SDO nor NMT.
     pub(super) fn on_frame(
         &mut self,
@@ -340,23 +352,27 @@ impl Communication {
 
     /// Sends the emergencies that have waited long enough, and the T_PDOs that an event or their
     /// event timer asks for.
+    /// Whether there may have been something to send.
     pub(super) fn send_events(
         &mut self,
         now: Instant,
         app: &mut impl Application,
         tx: &mut (impl Transmit + ?Sized),
-    ) {
+    ) -> bool {
         let state = self.nmt.state();
+        let waits = self.emcy.waits();
         if let Some(id) = self.emcy_id.filter(|_| state.communicates()) {
             self.emcy.poll(now, id, tx);
         }
         let changed = app.next_event();
-        if state == State::Operational && self.t_pdos.iter().any(TPdo::waits_for_events) {
+        let watches = state == State::Operational && self.t_pdos.iter().any(TPdo::waits_for_events);
+        if watches {
             app.refresh(now, None);
             for pdo in &mut self.t_pdos {
                 pdo.send_event(now, changed, app, tx);
             }
         }
+        waits || watches
     }
 
     /// A number of the right length comes by SDO to a writable object.

@@ -404,17 +404,22 @@ impl LocalNode {
         self.settle(now, app, tx);
     }
 
-    /// Takes a frame from the bus, whoever it is for.
+    /// Takes a frame from the bus, whoever it is for. Whether it did anything: while it did not, nothing is to be sent, and
+    /// [`Self::deadline`] stays.
     pub fn on_frame(
         &mut self,
         now: Instant,
         frame: &Frame,
         app: &mut impl Application,
         tx: &mut (impl Transmit + ?Sized),
-    ) {
+    ) -> bool {
         let state = self.state();
         if state == State::Initialising {
-            return;
+            return false;
+        }
+        // Most of what is on a bus is for others.
+        if !self.concerns(frame) {
+            return self.settle(now, app, tx);
         }
         if state.communicates() {
             let mut access = Access {
@@ -427,7 +432,8 @@ impl LocalNode {
                     if self.communication.servers_changed {
                         self.load_servers(app.objects());
                     }
-                    return self.settle(now, app, tx);
+                    self.settle(now, app, tx);
+                    return true;
                 }
             }
         }
@@ -437,7 +443,8 @@ impl LocalNode {
                 Some(reset) => {
                     app.on_nmt(now, reset);
                     self.booting = Some((now + self.boot_time, reset));
-                    return self.end_reset(now, app, tx);
+                    self.end_reset(now, app, tx);
+                    return true;
                 }
                 None => {}
             }
@@ -445,6 +452,16 @@ impl LocalNode {
             self.communication.on_frame(now, frame, app, tx);
         }
         self.settle(now, app, tx);
+        true
+    }
+
+    /// Whether a frame may be for this node.
+    fn concerns(&self, frame: &Frame) -> bool {
+        let id = frame.id();
+        let mut servers = self.servers.iter();
+        id == CanId::from(CobId::NMT)
+            || servers.any(|(_, server)| server.is_request(id))
+            || self.communication.concerns(frame)
     }
 
     /// Does what is due: heartbeat, missing heartbeats and requests, event timers, time-outs;
@@ -465,21 +482,23 @@ impl LocalNode {
         self.settle(now, app, tx);
     }
 
-    /// Sends what the application wants said after a frame or a point in time.
+    /// Sends what the application wants said after a frame or a point in time. Whether there may have been something.
     fn settle(
         &mut self,
         now: Instant,
         app: &mut impl Application,
         tx: &mut (impl Transmit + ?Sized),
-    ) {
+    ) -> bool {
+        let mut says = false;
         if self.state().communicates() {
             while let Some(emergency) = app.next_emergency() {
                 self.communication.emergency(now, emergency, app, tx);
+                says = true;
             }
         } else {
             self.reset_servers();
         }
-        self.communication.send_events(now, app, tx);
+        self.communication.send_events(now, app, tx) || says
     }
 
     /// The node has another id from now on.

@@ -63,13 +63,17 @@ impl RPdo {
         self.id.is_some()
     }
 
+    pub(super) fn has_id(&self, id: CanId) -> bool {
+        self.id == Some(id)
+    }
+
     /// Forgets a payload that waits for SYNC.
     pub(super) fn reset(&mut self) {
         self.waiting = None;
     }
 
     pub(super) fn receive(&mut self, frame: &Frame) -> Reception {
-        if self.id != Some(frame.id()) || self.mapping.is_empty() {
+        if !self.has_id(frame.id()) || self.mapping.is_empty() {
             return Reception::Foreign;
         }
         let bits: usize = self

@@ -167,6 +167,13 @@ impl Server {
         self.state != State::Idle
     }
 
+    /// Whether frames with that identifier are requests to it.
+    #[must_use]
+    pub fn is_request(&self, id: CanId) -> bool {
+        let channel = self.channel;
+        channel.is_some_and(|(request, _)| id == CanId::from(request))
+    }
+
     /// When [`Self::poll`] wants to be called.
     #[must_use]
     pub const fn deadline(&self) -> Option<Instant> {
@@ -190,10 +197,7 @@ impl Server {
         objects: &mut impl Objects,
         tx: &mut (impl Transmit + ?Sized),
     ) -> bool {
-        let Some((request, _)) = self.channel else {
-            return false;
-        };
-        if frame.id() != CanId::from(request) {
+        if !self.is_request(frame.id()) {
             return false;
         }
         // An SDO has 8 bytes; anything else is not one and gets no answer.

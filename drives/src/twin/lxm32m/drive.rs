@@ -17,7 +17,7 @@ use super::{Identity, TwinConfig};
 use crate::twin::device::Disturbance;
 use crate::twin::node::Firmware;
 use crate::twin::servo::cascade::{
-    Cascade, Gains, POSITION_STEP, Reference, SPEED_STEP_NS, SPEED_STEPS,
+    Cascade, Gains, POSITION_STEP, Reference, SPEED_STEP, SPEED_STEPS,
 };
 use crate::twin::servo::firmware::{Servo, ServoFirmware};
 use crate::twin::servo::lasting::Lasting;
@@ -28,9 +28,6 @@ use syncline_canopen::Instant;
 use syncline_canopen::cia402::{Controlword, State, Statusword};
 use syncline_canopen::dictionary::{Dictionary, Row};
 use syncline_canopen::time::Duration;
-
-/// Nominal seconds per step of the speed loop.
-const SPEED_STEP: f64 = SPEED_STEP_NS as f64 * 1e-9;
 
 /// Least time that statusword bit 7 stays (lxm32m 1319).
 const WARNING_TIME: Duration = Duration::from_millis(100);

@@ -219,8 +219,9 @@ impl<F: Firmware> BusNode for Device<F> {
             return self.firmware.run_until(now);
         }
         self.advance(now);
-        (self.node).on_frame(now, frame, &mut self.firmware, &mut self.sent);
-        self.dispatch(now);
+        if (self.node).on_frame(now, frame, &mut self.firmware, &mut self.sent) {
+            self.dispatch(now);
+        }
         self.outbox.flush(now, tx);
     }
 
@@ -245,8 +246,10 @@ impl<F: Firmware> BusNode for Device<F> {
     }
 
     fn deadline(&self) -> Option<Instant> {
-        let due = [self.node_due, self.outbox.deadline(), Some(self.next_task)];
-        due.into_iter().flatten().min()
+        let due = self
+            .node_due
+            .map_or(self.next_task, |due| due.min(self.next_task));
+        Some(self.outbox.deadline().map_or(due, |leaves| leaves.min(due)))
     }
 }
 

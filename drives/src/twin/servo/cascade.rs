@@ -28,6 +28,9 @@ pub const POSITION_STEP: f64 = POSITION_STEP_NS as f64 * 1e-9;
 /// Nominal time between two steps of the speed loop, nanoseconds.
 pub const SPEED_STEP_NS: u64 = POSITION_STEP_NS / SPEED_STEPS as u64;
 
+/// The same, s.
+pub const SPEED_STEP: f64 = SPEED_STEP_NS as f64 * 1e-9;
+
 /// Gains and limits of the cascade.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gains {
@@ -146,10 +149,33 @@ pub enum Reference {
     Torque(f64),
 }
 
+/// What a step of the speed loop multiplies by, from its gains: parts of a difference that first-order filters take over in a
+/// step, and what the integral takes of the error.
+#[derive(Clone, Copy, Debug, Default)]
+struct Factors {
+    speed: f64,
+    reference: f64,
+    torque: f64,
+    integral: f64,
+}
+
+impl Factors {
+    fn of(gains: &Gains) -> Self {
+        let part = |time: f64| SPEED_STEP / (time + SPEED_STEP);
+        Self {
+            speed: part(gains.speed_filter),
+            reference: part(gains.speed_reference_filter),
+            torque: part(gains.torque_filter),
+            integral: gains.speed / gains.speed_integral_time,
+        }
+    }
+}
+
 /// The state of the cascade.
 #[derive(Clone, Debug)]
 pub struct Cascade {
     gains: Gains,
+    factors: Factors,
     /// Most torque at present, N·m, where it is less than the gains' limit.
     torque_limit: f64,
     speed_reference: f64,
@@ -173,6 +199,7 @@ impl Cascade {
     pub fn new(gains: Gains, encoder: i64) -> Self {
         let mut cascade = Self {
             gains: Gains::default(),
+            factors: Factors::default(),
             torque_limit: f64::INFINITY,
             speed_reference: 0.0,
             delayed: Delayed::default(),
@@ -198,15 +225,15 @@ impl Cascade {
 
     /// Other gains from now on. Filters that stay the same go on.
     pub fn retune(&mut self, gains: Gains) {
-        let step = SPEED_STEP_NS as f64 * 1e-9;
         for (index, shape) in gains.notches.iter().enumerate() {
             if self.gains.notches[index] != *shape {
-                self.notches[index] = shape.map(|shape| Notch::new(shape, step));
+                self.notches[index] = shape.map(|shape| Notch::new(shape, SPEED_STEP));
             }
         }
         if self.gains.overshoot_suppression.is_none() {
             self.delayed.reset(self.speed_reference);
         }
+        self.factors = Factors::of(&gains);
         self.gains = gains;
     }
 
@@ -274,35 +301,32 @@ impl Cascade {
         self.speed_reference = speed;
     }
 
-    /// One step of the speed loop of nominally `h` seconds; returns the torque in N·m. The integral
+    /// One step of the speed loop; returns the torque in N·m. The integral
     /// part rests while the torque is limited, here or, if `is_held`, behind.
     pub fn speed_step(
         &mut self,
         reference: Reference,
         encoder: i64,
         increments_per_rev: f64,
-        h: f64,
         is_held: bool,
     ) -> f64 {
-        let gains = &self.gains;
+        let (gains, factors) = (&self.gains, self.factors);
         let moved = (encoder - self.last_encoder) as f64;
         self.last_encoder = encoder;
-        let measured = moved / (increments_per_rev * h);
-        self.filtered_speed += (measured - self.filtered_speed) * (h / (gains.speed_filter + h));
+        let measured = moved / (increments_per_rev * SPEED_STEP);
+        self.filtered_speed += (measured - self.filtered_speed) * factors.speed;
         let limit = gains.torque_limit.min(self.torque_limit);
         self.torque = match reference {
             Reference::Off => 0.0,
             Reference::Torque(torque) => torque.clamp(-limit, limit),
             Reference::Position { .. } | Reference::Velocity(_) => {
-                let smoothing = h / (gains.speed_reference_filter + h);
                 self.filtered_reference +=
-                    (self.speed_reference - self.filtered_reference) * smoothing;
+                    (self.speed_reference - self.filtered_reference) * factors.reference;
                 let error = self.filtered_reference - self.filtered_speed;
-                let integral = self.integral + gains.speed / gains.speed_integral_time * error * h;
+                let integral = self.integral + factors.integral * error * SPEED_STEP;
                 let mut wanted = gains.speed * error + integral + self.torque_forward;
                 if gains.torque_filter > 0.0 {
-                    let smoothing = h / (gains.torque_filter + h);
-                    self.filtered_torque += (wanted - self.filtered_torque) * smoothing;
+                    self.filtered_torque += (wanted - self.filtered_torque) * factors.torque;
                     wanted = self.filtered_torque;
                 }
                 for notch in self.notches.iter_mut().flatten() {

@@ -26,6 +26,9 @@ pub struct Clock {
     period: f64,
     steps: u32,
     coming: u32,
+    /// When the present step ends, and its true length, s: both are asked for several times in a step.
+    step_end: Instant,
+    step_length: f64,
 }
 
 impl Clock {
@@ -44,27 +47,36 @@ impl Clock {
 
     fn cycles(rate: f64, now: Instant, nominal_ns: u64) -> Self {
         let nominal = nominal_ns as f64 * rate;
-        Self {
+        let mut clock = Self {
             rate,
             boundary: now.as_nanos(),
             nominal,
             period: nominal,
             steps: (nominal_ns / SPEED_STEP_NS).max(1) as u32,
             coming: 1,
-        }
+            step_end: now,
+            step_length: 0.0,
+        };
+        clock.measure_step();
+        clock
+    }
+
+    /// The present step is another one, or of another length.
+    fn measure_step(&mut self) {
+        self.step_end = self.step_instant(self.coming);
+        self.step_length = self.period / f64::from(self.steps) * 1e-9;
     }
 
     /// When the present step of the speed loop ends.
     #[must_use]
     pub fn step_end(&self) -> Instant {
-        self.step_instant(self.coming)
+        self.step_end
     }
 
     /// The present step's number within the cycle, from 0, and its true length in seconds.
     #[must_use]
     pub fn step(&self) -> (u32, f64) {
-        let length = self.period / f64::from(self.steps);
-        (self.coming - 1, length * 1e-9)
+        (self.coming - 1, self.step_length)
     }
 
     /// Time that has passed in the present step, s.
@@ -82,13 +94,14 @@ impl Clock {
 
     /// Goes on to the next step; true if it is the first of a cycle.
     pub fn next_step(&mut self) -> bool {
-        if self.coming < self.steps {
-            self.coming += 1;
-            return false;
+        let ends = self.coming == self.steps;
+        if ends {
+            self.boundary = self.step_end.as_nanos();
+            self.coming = 0;
         }
-        self.boundary = self.step_instant(self.steps).as_nanos();
-        self.coming = 1;
-        true
+        self.coming += 1;
+        self.measure_step();
+        ends
     }
 
     /// Starts cycles of `nominal_ns` at the SYNC that arrived at `now`.
@@ -122,6 +135,7 @@ impl Clock {
         self.boundary = self
             .boundary
             .saturating_add_signed((PHASE_GAIN * error) as i64);
+        self.measure_step();
     }
 
     fn step_instant(&self, step: u32) -> Instant {

@@ -55,11 +55,17 @@ impl Encoder {
         }
         let increments = revolutions * self.increments_per_revolution + error;
         if steps == 0 {
-            return increments.floor() as i64;
+            return whole(increments);
         }
         let step = self.increments_per_revolution / f64::from(steps);
-        ((increments / step).floor() * step).floor() as i64
+        whole((increments / step).floor() * step)
     }
+}
+
+/// The greatest whole number that is no more than this one, without a call where the processor has no instruction for it.
+fn whole(increments: f64) -> i64 {
+    let towards_zero = increments as i64;
+    towards_zero.saturating_sub(i64::from(increments < towards_zero as f64))
 }
 
 /// A scale at the load: a second feedback, by which a drive closes its position loop.
@@ -79,7 +85,7 @@ impl Scale {
     pub fn read(&self, shaft: &Shaft, ahead: f64, increments_per_revolution: f64) -> i64 {
         let load = shaft.load_motion();
         let steps = ((load.position + load.velocity * ahead) / self.step).floor();
-        (steps * self.step * increments_per_revolution).floor() as i64
+        whole(steps * self.step * increments_per_revolution)
     }
 }
 

@@ -1,15 +1,12 @@
 //! The loops of a servo drive put together: clock, cascade, power stage, motor and encoder.
 
 use super::axis::ServoAxis;
-use super::cascade::{Cascade, Gains, Reference, SPEED_STEP_NS};
+use super::cascade::{Cascade, Gains, Reference, SPEED_STEP};
 use super::clock::Clock;
 use super::encoder::{Encoder, Scale};
 use super::power_stage::TorqueSource;
 use super::shaft::Shaft;
 use crate::twin::node::Processor;
-
-/// Nominal seconds per step of the speed loop.
-const SPEED_STEP: f64 = SPEED_STEP_NS as f64 * 1e-9;
 
 /// Steps without SYNC after which it has stayed away: 50 ms.
 const SYNC_LOST: u32 = 800;
@@ -194,7 +191,7 @@ impl Loops {
         let end = self.clock.step_end();
         let (counts, is_on) = (self.increments_per_revolution, reference != Reference::Off);
         let is_held = self.torque_source.is_limited();
-        let wanted = (self.cascade).speed_step(reference, self.motor, counts, SPEED_STEP, is_held);
+        let wanted = (self.cascade).speed_step(reference, self.motor, counts, is_held);
         let wanted = wanted * self.direction;
         self.torque = (self.torque_source).step(wanted, is_on, &self.shaft, SPEED_STEP);
         self.shaft.step(end, dt, self.torque, is_on && !grips);

@@ -1,6 +1,6 @@
 //! Loops that run, for tests: a cascade with what it moves and an encoder without noise.
 
-use super::cascade::{Cascade, Gains, Reference, SPEED_STEP_NS, SPEED_STEPS};
+use super::cascade::{Cascade, Gains, Reference, SPEED_STEP, SPEED_STEPS};
 use super::encoder::{Encoder, EncoderErrors, Scale};
 use super::shaft::{Plant, Shaft};
 use crate::twin::random::Random;
@@ -8,8 +8,6 @@ use syncline_canopen::Instant;
 
 /// Increments of a turn: so fine that it is nearly continuous.
 const COUNTS: f64 = 1e9;
-/// Of the speed loop, s.
-pub(super) const STEP: f64 = SPEED_STEP_NS as f64 * 1e-9;
 
 /// A cascade and what it moves.
 pub(super) struct Running {
@@ -41,7 +39,7 @@ impl Running {
 
     /// Seconds since the beginning.
     pub(super) fn time(&self) -> f64 {
-        f64::from(self.steps) * STEP
+        f64::from(self.steps) * SPEED_STEP
     }
 
     /// One step of the speed loop after what is wanted at each time, s.
@@ -55,15 +53,15 @@ impl Running {
             };
             self.cascade.position_step(reference, seen, COUNTS);
         }
-        let torque = (self.cascade).speed_step(reference, reading, COUNTS, STEP, false);
-        self.shaft.step(Instant::ZERO, STEP, torque, true);
+        let torque = (self.cascade).speed_step(reference, reading, COUNTS, false);
+        self.shaft.step(Instant::ZERO, SPEED_STEP, torque, true);
         self.reading = self.encoder.read(&self.shaft, 0.0);
         self.steps += 1;
     }
 
     /// The same for so many seconds.
     pub(super) fn run(&mut self, seconds: f64, reference: impl Fn(f64) -> Reference) {
-        for _ in 0..(seconds / STEP) as usize {
+        for _ in 0..(seconds / SPEED_STEP) as usize {
             self.step(&reference);
         }
     }

@@ -23,15 +23,12 @@
 //! simulated axes are commissioned. It wastes a third of the gain on well damped axes, and leaves loads that are heavier than the
 //! motor's by far with hardly any damping.)
 
-use super::cascade::{Gains, POSITION_STEP, SPEED_STEP_NS};
+use super::cascade::{Gains, POSITION_STEP, SPEED_STEP};
 use super::filter::NotchShape;
 use crate::mechanics::drive_train::DriveTrain;
 use core::f64::consts::{PI, TAU};
 use nalgebra::{Complex, ComplexField};
 use serde::Serialize;
-
-/// A step of the speed loop, s.
-const STEP: f64 = SPEED_STEP_NS as f64 * 1e-9;
 
 /// Frequencies that are looked at, Hz.
 const FREQUENCIES: (f64, f64) = (0.02, 7000.0);
@@ -152,10 +149,10 @@ fn hold(s: Complex<f64>, h: f64) -> Complex<f64> {
     (-(-s * h).exp() + 1.0) / (s * h)
 }
 
-/// A filter of a time constant, as it is computed every [`STEP`].
+/// A filter of a time constant, as it is computed every [`SPEED_STEP`].
 fn low_pass(s: Complex<f64>, time_constant: f64) -> Complex<f64> {
-    let share = STEP / (time_constant + STEP);
-    (-(-s * STEP).exp() * (1.0 - share) + 1.0).inv() * share
+    let share = SPEED_STEP / (time_constant + SPEED_STEP);
+    (-(-s * SPEED_STEP).exp() * (1.0 - share) + 1.0).inv() * share
 }
 
 fn notch(s: Complex<f64>, shape: &NotchShape) -> Complex<f64> {
@@ -178,8 +175,8 @@ impl OpenLoops {
     /// `current` is the bandwidth of the current loop, rad/s.
     fn at(gains: &Gains, axis: &Response, current: f64) -> Self {
         let s = axis.s;
-        let delayed = (-s * STEP).exp();
-        let integral = (-delayed + 1.0).inv() * (STEP / gains.speed_integral_time);
+        let delayed = (-s * SPEED_STEP).exp();
+        let integral = (-delayed + 1.0).inv() * (SPEED_STEP / gains.speed_integral_time);
         let mut torque = (integral + 1.0) * (gains.speed / TAU);
         if gains.torque_filter > 0.0 {
             torque *= low_pass(s, gains.torque_filter);
@@ -187,8 +184,8 @@ impl OpenLoops {
         for shape in gains.notches.iter().flatten() {
             torque *= notch(s, shape);
         }
-        let forward = torque * hold(s, STEP) * axis.motor / (s / current + 1.0);
-        let speed = forward * hold(s, STEP) * low_pass(s, gains.speed_filter);
+        let forward = torque * hold(s, SPEED_STEP) * axis.motor / (s / current + 1.0);
+        let speed = forward * hold(s, SPEED_STEP) * low_pass(s, gains.speed_filter);
         let reference = hold(s, POSITION_STEP) * low_pass(s, gains.speed_reference_filter);
         let motor = reference * forward / (speed + 1.0) / s * gains.position;
         let position = motor * axis.fed_back;

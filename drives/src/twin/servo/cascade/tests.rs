@@ -6,7 +6,7 @@ use crate::mechanics::friction::Friction;
 use crate::mechanics::mode::Mode;
 use crate::mechanics::rigid::Rigid;
 use crate::twin::servo::motor::MOTORS;
-use crate::twin::servo::running::{Running, STEP, at};
+use crate::twin::servo::running::{Running, at};
 use nalgebra::Vector2;
 use proptest::prelude::*;
 
@@ -97,7 +97,7 @@ fn the_speed_loops_step_is_that_of_its_second_order() {
         for _ in 0..1600 {
             loops.step(|_| Reference::Velocity(1.0));
             // e(0) = 1 and ė(0) = −K/J; half a step goes by until a torque shows in a speed.
-            let t = loops.time() - 0.5 * STEP;
+            let t = loops.time() - 0.5 * SPEED_STEP;
             let begin = Vector2::new(1.0, -bandwidth);
             let expected = 1.0 - error.after(t).apply(begin, 0.0).x;
             let found = loops.shaft.velocity();

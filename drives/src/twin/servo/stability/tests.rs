@@ -59,7 +59,7 @@ fn follow(
     seconds: f64,
     reference: impl Fn(f64) -> Reference,
 ) -> Vec<[f64; 3]> {
-    let steps = (seconds / STEP) as u32;
+    let steps = (seconds / SPEED_STEP) as u32;
     let step = |_| {
         loops.step(&reference);
         [
@@ -114,7 +114,7 @@ proptest! {
         let mut loops = running(&gains, &train).by_scale(by_scale);
         loops.run(4.0, |t| at(0.01 * (TAU * t / period).sin(), 0.0, 0.0));
         let periods = (0.5 / period).ceil();
-        let seen = follow(&mut loops, periods * period + 0.5 * STEP, |t| at(0.01 * (TAU * t / period).sin(), 0.0, 0.0));
+        let seen = follow(&mut loops, periods * period + 0.5 * SPEED_STEP, |t| at(0.01 * (TAU * t / period).sin(), 0.0, 0.0));
         let sum = seen.iter().fold(Complex::from(0.0), |sum, [t, _, load]| {
             sum + (-s * *t).exp() * *load
         });
