@@ -326,15 +326,8 @@ impl Identified {
             .and_then(|(known, device)| Tuned::of(&estimate, &known.motor, known.inertia, device));
         Self {
             axis: axis.name(),
-            feed_forward: (drive.model.abilities.contains(&Ability::TorqueOffset)).then(|| {
-                FeedForward {
-                    rated_torque: subject.shaft.rated_torque,
-                    inertia: estimate.inertia.value,
-                    coulomb_friction: estimate.friction.value.max(0.0),
-                    viscous_friction: estimate.viscous_friction.value.max(0.0),
-                    gravity: estimate.holding_torque.value,
-                }
-            }),
+            feed_forward: (drive.model.abilities.contains(&Ability::TorqueOffset))
+                .then(|| feed_forward(subject.shaft.rated_torque, &estimate)),
             gains,
             drive: drive.name.clone(),
             rated_torque: subject.shaft.rated_torque,
@@ -353,6 +346,21 @@ impl Identified {
         keys.map(|Key { key, figure }| {
             format!("axis.{}.simulation.{key}={}", self.axis, rounded(figure))
         })
+    }
+}
+
+/// What a drive is sent so: what may as well be nothing is nothing.
+fn feed_forward(rated_torque: f64, estimate: &Estimate) -> FeedForward {
+    let sure = |figure: Figure| match figure.value.abs() > figure.uncertainty {
+        true => figure.value,
+        false => 0.0,
+    };
+    FeedForward {
+        rated_torque,
+        inertia: estimate.inertia.value.max(0.0),
+        coulomb_friction: sure(estimate.friction).max(0.0),
+        viscous_friction: sure(estimate.viscous_friction).max(0.0),
+        gravity: sure(estimate.holding_torque),
     }
 }
 
@@ -470,17 +478,18 @@ impl Identified {
             ),
             ("gravity", holding_torque, feed_forward.gravity),
         ];
-        let figures = figures.map(|(key, found, value)| {
+        let told = figures.into_iter().filter(|(.., value)| *value != 0.0);
+        let told = told.map(|(key, found, value)| {
             let figure = Figure { value, ..*found };
-            format!("{key} = {}", rounded(&figure))
+            format!(", {key} = {}", rounded(&figure))
         });
         writeln!(
             f,
-            "\nof axis {}, to be sent to drive {} with each setpoint\nfeed_forward = {{ rated_torque = {:?}, {} }}",
+            "\nof axis {}, to be sent to drive {} with each setpoint\nfeed_forward = {{ rated_torque = {:?}{} }}",
             self.axis,
             self.drive,
             feed_forward.rated_torque,
-            figures.join(", ")
+            told.collect::<String>()
         )
     }
 

@@ -3,7 +3,9 @@
 use syncline_canopen::cia402::{Controlword, State, Statusword};
 use syncline_canopen::{CanId, CobId, NodeId};
 use syncline_controller::control::{End, Fault};
+use syncline_controller::machine::Machine;
 use syncline_drives::bus::Transmission;
+use syncline_tests::command::{Folder, ended, machine_with, syncline};
 use syncline_tests::rig::{PORTAL_PROGRAM, Rig};
 
 /// Of a revolution of its motor, mm: 160 mm over a gear of 8.
@@ -28,17 +30,19 @@ const INERTIA: f64 = 8.8e-4;
 const FRICTION: f64 = 0.22;
 const GRAVITY: f64 = 0.38;
 
+/// By what it gives way as it is enabled at 0 it is not outside, and no fault.
+const WINDOWS: (&str, &str) = (
+    "soft_limits = [0.0, 1000.0]\nfollowing_error_limit = 2.0\nstandstill_window = 0.05",
+    "soft_limits = [-10.0, 1000.0]\nfollowing_error_limit = 2.0\nstandstill_window = 0.5",
+);
+
 /// The portal with Y on that plant, and with what else is said of that axis.
 fn portal(said: &str, drive: &str) -> Rig {
     let axis = format!("max_velocity = 800.0\nsimulation = {PLANT}\n{said}");
     let replacements = [
         ("max_velocity = 800.0", axis.as_str()),
         ("model = \"cia402_csp\"", drive),
-        // By what it gives way as it is enabled at 0 it is not outside, and no fault.
-        (
-            "soft_limits = [0.0, 1000.0]\nfollowing_error_limit = 2.0\nstandstill_window = 0.05",
-            "soft_limits = [-10.0, 1000.0]\nfollowing_error_limit = 2.0\nstandstill_window = 0.5",
-        ),
+        WINDOWS,
     ];
     Rig::new("csp", &replacements, PORTAL_PROGRAM, |_, _| ())
 }
@@ -165,4 +169,38 @@ fn a_motor_of_another_rated_torque_is_refused_by_name() {
     let expected = "object 6076h:0 (motor rated torque) reads 00000BB8h, expected 000009C4h";
     assert!(fault.contains(expected), "{fault}");
     assert!(sent(&rig).is_empty());
+}
+
+/// The line that `identify` tells is one of a machine file, and has what the plant takes.
+#[test]
+fn what_is_identified_can_be_sent() {
+    let folder = Folder::new();
+    let machine = |said: &str| {
+        let axis = format!("max_velocity = 800.0\nsimulation = {PLANT}\n{said}");
+        let text = machine_with("csp", &[("max_velocity = 800.0", &axis), WINDOWS]);
+        folder.file("machine.toml", &text)
+    };
+    let mut command = syncline();
+    command.args(["identify", "--axis", "Y"]).arg(machine(""));
+    let output = command.output().unwrap();
+    let (code, text, errors) = ended(&output);
+    assert_eq!(code, 0, "{errors}");
+    let mut lines = text.lines();
+    let line = lines
+        .find(|it| it.starts_with("feed_forward = "))
+        .expect(text);
+    let found = Machine::load(&machine(line)).unwrap().axes[1].feed_forward;
+    let found = found.expect("it is stated");
+    for (is, expected) in [
+        (found.rated_torque, RATED),
+        (found.inertia, 8.879e-4),
+        (found.coulomb_friction, 0.2273),
+        (found.viscous_friction, 8e-4),
+        (found.gravity, 0.38197),
+    ] {
+        assert!(
+            (is / expected - 1.0).abs() < 0.03,
+            "{line}: {is} in place of {expected}"
+        );
+    }
 }
