@@ -26,7 +26,7 @@
 //!
 //! Heartbeats count as if all came at once. To spread them by offset bounds nothing: what a master writes is their period
 //! (1017h), and each node counts it by an oscillator of its own from an instant of its own. At 50 ppm apart two of them
-//! drift by a cycle of 2 ms in 20 s, and periods that differ meet at their beat. Their
+//! drift by a cycle of 2 ms in 40 s, and periods that differ meet at their beat. Their
 //! number does not touch the deadlines, as only one can block at a place; it is in the load.
 //!
 //! Tried before: releasing all frames with SYNC and one blocking frame a cycle. That is no bound,
