@@ -275,6 +275,7 @@ fn own_parametrisation<const N: usize>(
                 ends: [s(k), s(k + 1)].map(|s| Slope::from(geometry.at(s))),
                 speed: [fast, fast.min(geometry.fast(s(k + 1), limits))],
                 share: [1.0; 2],
+                limits: *limits,
             }
         })
         .collect();
@@ -315,7 +316,7 @@ fn own_parametrisation<const N: usize>(
         };
         NodeState { w: SLOW * w[k], a }
     });
-    let outcome = parametrisation.solve(&cells, limits, NodeState::default(), guess, 0.3, 1e-4);
+    let outcome = parametrisation.solve(&cells, NodeState::default(), guess, 0.3, 1e-4);
     outcome
         .converged
         .then(|| (outcome.time, (thread_time() - begin).as_secs_f64()))

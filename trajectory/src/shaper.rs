@@ -56,6 +56,15 @@ impl Vibration {
     }
 }
 
+/// What of a motion goes through a shaper.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// The distance along the path: the path stays exact.
+    Clock,
+    /// Every coordinate: curves are cut.
+    Coordinates,
+}
+
 /// By what the parts of a shaper are chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {

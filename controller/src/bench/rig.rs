@@ -226,6 +226,7 @@ impl Shape {
             spindle: None,
             speed_loss: Duration::ZERO,
             shaper: Shaper::none(),
+            shaper_method: None,
             retraction: None,
             probing: Probing::default(),
             probe_captures: vec![None; self.axes],

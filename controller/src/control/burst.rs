@@ -85,7 +85,7 @@ impl<const N: usize> Controller<N> {
             self.planned = beside_plan.unwrap_or_else(|| {
                 let planned = self.executor.advance();
                 let planned = self.along_samples.behind(planned);
-                self.shaping.shape(planned, self.executor.waypoints())
+                self.shaping.shape(planned, &self.executor)
             });
             self.place_beside();
             self.switch();

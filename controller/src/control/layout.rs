@@ -14,7 +14,7 @@ use syncline_drives::model::{Device, Direction, Feedback, Increments, Scaling};
 use syncline_gcode::Output;
 use syncline_trajectory::limits::Limits;
 use syncline_trajectory::path::Retraction;
-use syncline_trajectory::shaper::Shaper;
+use syncline_trajectory::shaper::{Method, Shaper};
 
 /// No speed of a spindle is held more closely than to this part of the greatest.
 const LEAST_WINDOW: f64 = 0.001;
@@ -67,6 +67,8 @@ pub struct Layout {
     pub speed_loss: Duration,
     /// What setpoints go through on their way from the path to the drives.
     pub shaper: Shaper,
+    /// What of a motion it shapes; `None`: what the mode of each move says.
+    pub shaper_method: Option<Method>,
     /// How the axes go back to a path that they were jogged off; `None`: on a straight line.
     pub retraction: Option<Retraction>,
     /// What holds for the homing of all axes.
@@ -447,6 +449,7 @@ impl Layout {
             spindle: SpindleSpec::of(machine),
             speed_loss: (machine.spindle.as_ref()).map_or(Duration::ZERO, |it| it.loss),
             shaper: machine.shaper.clone(),
+            shaper_method: machine.shaper_method,
             retraction: machine.retraction,
             homing: machine.homing,
             probing: machine.probing,

@@ -123,6 +123,7 @@ use syncline_canopen::time::Duration;
 use syncline_canopen::{CobId, Frame, Instant, Transmit, nmt};
 use syncline_gcode::ANALOG_INPUTS;
 use syncline_trajectory::path::{Executor, Leg, Setpoint, Shaping};
+use syncline_trajectory::shaper::Method;
 use threading::Threading;
 use user_codes::UserCalls;
 
@@ -350,6 +351,11 @@ impl<const N: usize> Controller<N> {
         let period = layout.cycle.as_secs_f64();
         let mut executor = Executor::new([0.0; N], period);
         executor.set_retraction(layout.retraction);
+        if layout.shaper_method != Some(Method::Coordinates)
+            && let Some(spread) = layout.shaper.spread(period)
+        {
+            executor.settle(spread);
+        }
         Self {
             nodes: (0..layout.devices.len())
                 .map(|drive| DeviceNode::new(drive, &layout))

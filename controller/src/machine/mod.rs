@@ -63,7 +63,7 @@ use syncline_drives::twin;
 use syncline_gcode as gcode;
 use syncline_strict_toml::{Invalid, SetError};
 use syncline_trajectory::path::Retraction;
-use syncline_trajectory::shaper::Shaper;
+use syncline_trajectory::shaper::{Method, Shaper};
 use thiserror::Error;
 
 /// One machine, checked.
@@ -105,6 +105,8 @@ pub struct Machine {
     pub dc_buses: Vec<Vec<usize>>,
     /// What its setpoints go through on their way from the path to the drives.
     pub shaper: Shaper,
+    /// What of a motion it shapes; `None`: what the mode of each move says.
+    pub shaper_method: Option<Method>,
     /// How its axes go back to a path that they were jogged off; `None`: on a straight line.
     pub retraction: Option<Retraction>,
     /// What a run has to keep to pass.

@@ -333,6 +333,7 @@ impl Tables {
             path_forces: self.path_forces,
             dc_buses,
             shaper: shaper.unwrap_or_else(Shaper::none),
+            shaper_method: self.shaper.and_then(|table| table.method),
             retraction,
             validation: self.validation,
             inputs,

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 use syncline_strict_toml::{Log, Table};
-use syncline_trajectory::shaper::{Kind, Shaper, Vibration};
+use syncline_trajectory::shaper::{Kind, Method, Shaper, Vibration};
 use toml::Spanned;
 
 /// As files name them.
@@ -11,6 +11,12 @@ const KINDS: [(&str, Kind); 4] = [
     ("zvd", Kind::Zvd),
     ("ei", Kind::Ei),
     ("two_hump_ei", Kind::TwoHumpEi),
+];
+
+/// The same of what of a motion is shaped.
+const METHODS: [(&str, Method); 2] = [
+    ("clock", Method::Clock),
+    ("coordinates", Method::Coordinates),
 ];
 
 /// Most vibrations of one shaper, whose parts are multiplied by each.
@@ -26,6 +32,8 @@ const MOST_FREQUENCY: f64 = 0.1;
 pub(super) struct ShaperTable {
     kind: Kind,
     modes: Spanned<Vec<[f64; 2]>>,
+    /// `None`: what the mode of each move says.
+    pub(super) method: Option<Method>,
 }
 
 impl ShaperTable {
@@ -46,12 +54,19 @@ impl ShaperTable {
             let title = format!("shaper: {} `modes`", modes.get_ref().len());
             log.report(modes.span(), title, format!("allowed: {allowed}"));
         }
+        let methods = METHODS.iter().map(|(name, _)| *name);
+        let method = table.choice_if(log, "method", methods);
         table.finish(log);
+        let method = method.and_then(|it| {
+            let mut methods = METHODS.iter();
+            methods.find(|(name, _)| name == it.get_ref())
+        });
         let kind = kind?.into_inner();
         let (_, kind) = *KINDS.iter().find(|(name, _)| *name == kind)?;
         Some(Self {
             kind,
             modes: modes?,
+            method: method.map(|(_, method)| *method),
         })
     }
 

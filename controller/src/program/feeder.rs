@@ -6,6 +6,7 @@ mod searches;
 use super::answers::Answers;
 use super::feed::{feed, programmed_speed};
 use super::moves::{MoveSource, ON_THE_PATH, ProgramMove, Step, Upcoming, path_control_mode};
+use super::shaped::is_by_coordinates;
 use super::threads::Threads;
 use super::{Entered, Left, Program, ProgramError, Scale, UserCodes, place};
 use crate::control::functions::SWITCHES;
@@ -24,7 +25,7 @@ use syncline_trajectory::path::{
     Command as PathCommand, Curve, Feed, Limits, Move, PathControlMode, PathItem, Planner,
     ReplanRequest,
 };
-use syncline_trajectory::shaper::Spread;
+use syncline_trajectory::shaper::{Method, Spread};
 
 /// Marks that can come up again when the path is planned anew: more than the planner keeps.
 const MOST_MARKS: usize = 2 * Planner::<COORDINATES>::KEPT;
@@ -80,8 +81,8 @@ pub struct Feeder {
     spindle: SpinUp,
     threads: Threads,
     user_codes: UserCodes,
-    /// How far a shaper spreads setpoints.
-    spread: Option<Spread>,
+    /// How far a shaper spreads setpoints, and by what method, where that is not each mode's own.
+    shaper: Option<(Spread, Option<Method>)>,
     /// What is switched with the next motion.
     with_motion: Vec<(u32, Switch)>,
     upcoming: Upcoming,
@@ -106,12 +107,12 @@ fn planner(
     limits: Limits<COORDINATES>,
     bounds: [PositionLimits; COORDINATES],
     start: Position,
-    shaped: Option<(Spread, f64)>,
+    shaped: Option<(Spread, Option<Method>, f64)>,
 ) -> Planner<COORDINATES> {
     let mut planner = Planner::new(limits, start);
     planner.keep_within(bounds);
-    if let Some((spread, exact)) = shaped {
-        planner.shape_by(spread, exact);
+    if let Some((spread, method, exact)) = shaped {
+        planner.shape_by(spread, method, exact);
     }
     planner
 }
@@ -153,7 +154,7 @@ impl Program {
                 self.limits,
                 bounds,
                 start,
-                self.spread.map(|spread| (spread, tolerances.exact)),
+                (self.shaper).map(|(spread, method)| (spread, method, tolerances.exact)),
             ),
             limits: self.limits,
             bounds,
@@ -180,7 +181,7 @@ impl Program {
             spindle: self.spindle,
             threads: self.threads,
             user_codes: Arc::clone(&self.user_codes),
-            spread: self.spread,
+            shaper: self.shaper,
             with_motion: Vec::new(),
             upcoming,
             tag: 0,
@@ -427,12 +428,12 @@ impl Feeder {
             });
             self.upcoming.tell_modal(self.tag, &self.interpreter);
             self.tag += 1;
-            let tolerance = match self.shaped() {
-                None => mode.tolerance().max(ON_THE_PATH),
-                Some((_, exact)) => {
-                    let (planned, spare) = mode.shared(exact);
+            let tolerance = match self.shaper {
+                Some((_, method)) if is_by_coordinates(method, mode) => {
+                    let (planned, spare) = mode.shared(self.tolerances.exact);
                     planned.tolerance() + spare
                 }
+                _ => mode.tolerance().max(ON_THE_PATH),
             };
             (self.upcoming).tell(Step::Move(ProgramMove::new(
                 command.span.line,
@@ -528,15 +529,15 @@ impl Feeder {
         )
     }
 
-    /// How far a shaper spreads setpoints, and by how much it may leave moves that end at rest, mm.
-    fn shaped(&self) -> Option<(Spread, f64)> {
+    /// How far a shaper spreads setpoints, by what method, and by how much it may leave moves that end at rest, mm.
+    fn shaped(&self) -> Option<(Spread, Option<Method>, f64)> {
         let exact = self.tolerances.exact;
-        self.spread.map(|spread| (spread, exact))
+        self.shaper.map(|(spread, method)| (spread, method, exact))
     }
 
     /// By how much the axes come to rest later than the path, s.
     fn settling(&self) -> f64 {
-        self.spread.map_or(0.0, |spread| spread.settling)
+        self.shaper.map_or(0.0, |(spread, _)| spread.settling)
     }
 
     fn push(&mut self, span: gcode::Span, item: PathItem<COORDINATES>) -> Result<(), ProgramError> {

@@ -43,7 +43,7 @@ use crate::machine::{
 use answers::Answers;
 use feed::counted_length;
 use moves::{Mixed, MoveSource, path_control_mode};
-use shaped::slowed;
+use shaped::{is_by_coordinates, slowed};
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -54,7 +54,7 @@ use syncline_gcode::{
 };
 use syncline_trajectory::path::{CurveError, Limits, PathError, Retraction};
 use syncline_trajectory::sampled::Sampled;
-use syncline_trajectory::shaper::Spread;
+use syncline_trajectory::shaper::{Method, Spread};
 use threads::Threads;
 
 /// What all programs of a machine have in common: axes, limits, tables, and what the programs before
@@ -71,8 +71,8 @@ pub struct Programs {
     user_codes: UserCodes,
     /// What can be read by name, in the order of the names.
     signals: Arc<[Signal]>,
-    /// How far a shaper spreads setpoints.
-    spread: Option<Spread>,
+    /// How far a shaper spreads setpoints, and by what method, where that is not each mode's own.
+    shaper: Option<(Spread, Option<Method>)>,
     /// How the axes go to a path where a straight line might meet what is being machined.
     retraction: Option<Retraction>,
     /// Where what a program changes in the tables is written at its end.
@@ -160,8 +160,8 @@ pub struct Program {
     user_codes: UserCodes,
     /// What can be read by name, in the order of the names.
     signals: Arc<[Signal]>,
-    /// How far a shaper spreads setpoints.
-    spread: Option<Spread>,
+    /// How far a shaper spreads setpoints, and by what method, where that is not each mode's own.
+    shaper: Option<(Spread, Option<Method>)>,
     retraction: Option<Retraction>,
     scale: Scale,
     /// Begin there instead of at the beginning.
@@ -377,7 +377,8 @@ impl Programs {
             threads: Threads::of(machine, limits),
             user_codes: user_codes(machine),
             signals: signals(machine).map(|(_, signal)| signal).collect(),
-            spread: machine.shaper.spread(machine.cycle.as_secs_f64()),
+            shaper: (machine.shaper.spread(machine.cycle.as_secs_f64()))
+                .map(|spread| (spread, machine.shaper_method)),
             retraction: machine.retraction,
             keeps: None,
             no_tables: None,
@@ -437,7 +438,7 @@ impl Programs {
             threads: self.threads,
             user_codes: Arc::clone(&self.user_codes),
             signals: Arc::clone(&self.signals),
-            spread: self.spread,
+            shaper: self.shaper,
             retraction: self.retraction,
             scale: Scale::default(),
             entered: None,
@@ -638,9 +639,12 @@ impl Program {
                     source.go_on_from(line.end());
                 }
             }
-            if let (Action::Arc { arc, .. }, Some(spread)) = (&command.action, &self.spread) {
-                let mode = interpreter.modes().path_mode;
-                let mode = path_control_mode(mode, self.tolerances, 1.0);
+            let mode = interpreter.modes().path_mode;
+            let mode = path_control_mode(mode, self.tolerances, 1.0);
+            if let (Action::Arc { arc, .. }, Some((spread, method))) =
+                (&command.action, &self.shaper)
+                && is_by_coordinates(*method, mode)
+            {
                 let (_, spare) = mode.shared(self.tolerances.exact);
                 let arc = (arc, &command.action);
                 if let Some(part) = slowed(arc, &curves, &self.limits, spread, spare) {

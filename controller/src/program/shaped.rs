@@ -3,8 +3,13 @@
 use super::feed::{feed, programmed_speed, reached};
 use crate::machine::COORDINATES;
 use syncline_gcode::{Action, Arc};
-use syncline_trajectory::path::{Curve, Limits};
-use syncline_trajectory::shaper::Spread;
+use syncline_trajectory::path::{Curve, Limits, PathControlMode};
+use syncline_trajectory::shaper::{Method, Spread};
+
+/// Whether moves under that mode are shaped by coordinates, where that method is chosen or none.
+pub(super) fn is_by_coordinates(method: Option<Method>, mode: PathControlMode) -> bool {
+    method.unwrap_or(mode.method()) == Method::Coordinates
+}
 
 /// The part of its speed, which is its feed as far as the axes can, that an arc has where a shaper may leave it by no more than
 /// `spare` mm; `None` if that is all of it.

@@ -73,7 +73,11 @@ impl Program {
     /// A block cannot be run.
     pub fn timetable(&self, start: Position) -> Result<Timetable, ProgramError> {
         let mut feeder = self.feeder(start, Moves::new().0)?;
-        let mut walk = Walk::default();
+        let settling = self.shaper.map_or(0.0, |(spread, _)| spread.settling);
+        let mut walk = Walk {
+            settling,
+            ..Walk::default()
+        };
         walk.table.stretch = STRETCH;
         for _ in 0..MOST_INSTRUCTIONS {
             let Some(instruction) = feeder.next_instruction()? else {
@@ -193,6 +197,8 @@ impl Step {
 #[derive(Default)]
 struct Walk {
     table: Timetable,
+    /// How long the axes take to rest behind the path, where a shaper delays them, s: no section begins before.
+    settling: f64,
     /// Of the section, mm from the beginning of the path.
     origin: f64,
     /// Where path segments begin, mm from the beginning of the path, and whether they are rapids.
@@ -213,7 +219,7 @@ impl Walk {
                 }
                 PathCommand::Section { origin, .. } => {
                     self.origin = origin;
-                    self.step(Step::Rest(origin, 0.0));
+                    self.step(Step::Rest(origin, self.settles()));
                 }
                 PathCommand::PathSegment(segment) => {
                     let begin = self.origin + segment.start;
@@ -246,6 +252,18 @@ impl Walk {
             segment: *segment,
             is_rapid: begun > 0 && self.rapids[begun - 1].1,
         });
+    }
+
+    /// How long the axes still move behind the rests of the plan so far, s.
+    fn settles(&self) -> f64 {
+        let mut rested = 0.0;
+        for step in self.steps.iter().rev() {
+            match step {
+                Step::Rest(_, time) => rested += time,
+                Step::Follow { .. } => return (self.settling - rested).max(0.0),
+            }
+        }
+        0.0
     }
 
     /// Where the plan ends so far.

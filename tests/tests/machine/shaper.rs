@@ -46,6 +46,53 @@ fn an_exact_path_stays_exact_and_inside_its_limits() {
     }
 }
 
+/// Two arcs between lines that touch them, and a corner; then the same again under G64.
+const ARCS: &str = "G17 G21 G90 G94 G61 F6000\nG0 X100 Y100\nG1 X160\nG3 X160 Y120 J10\nG1 X120\nG2 X100 Y140 J20\nG1 Y180\nX140\n\
+                    G0 X100 Y100\nG64 P0.05\nG1 X160\nG3 X160 Y120 J10\nG1 X120\nG2 X100 Y140 J20\nG1 Y180\nX140\nM2\n";
+
+/// Under G61 arcs are as exact as without a shaper, and take a fraction of the time that they take by coordinates; what is in the
+/// same program under G64 is cut by no more than its tolerance, whichever the method.
+#[test]
+fn arcs_under_g61_are_exact_by_the_clock() {
+    let exact = ARCS
+        .split_once("G64")
+        .map(|(exact, _)| format!("{exact}M2\n"));
+    let run = |method: &str, program: &str| {
+        let with = format!("{method}\n\n{}", SHAPED.0);
+        let with = SHAPED.1.replace(SHAPED.0, "") + &with;
+        let mut rig = Rig::new("portal", &[(SHAPED.0, &with)], program, |_, _| ());
+        assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+        rig.trace().assert_within_limits();
+        let with = [(SHAPED.0, &*with)];
+        Rig::new("portal", &with, program, |_, _| ()).judge()
+    };
+    let exact = exact.unwrap();
+    let plain = portal(false, &exact).judge();
+    let [clock, chosen, coordinates] =
+        ["", "method = \"clock\"", "method = \"coordinates\""].map(|method| run(method, &exact));
+    for (name, it) in [("clock", &clock), ("coordinates", &coordinates)] {
+        println!(
+            "| {name} | {:.2} s | {:.6} mm |",
+            it.duration_s, it.path.max_deviation_mm
+        );
+        assert_eq!(it.verdict, "pass", "{:?}", it.violations);
+    }
+    let off = clock.path.max_deviation_mm;
+    assert!(off <= plain.path.max_deviation_mm + 1e-9, "{off}");
+    assert_eq!(clock.duration_s, chosen.duration_s);
+    let [longer, longest] = [&clock, &coordinates].map(|it| it.duration_s - plain.duration_s);
+    assert!(
+        0.125 < longer && longer < 0.3 * longest,
+        "{longer} {longest}"
+    );
+    for method in ["", "method = \"clock\"", "method = \"coordinates\""] {
+        let both = run(method, ARCS);
+        assert_eq!(both.verdict, "pass", "{method}: {:?}", both.violations);
+        let off = both.path.max_deviation_mm;
+        assert!(off <= 0.05 + 1e-9, "{method}: {off}");
+    }
+}
+
 /// What shaping takes off a curve is told, and no more than is allowed: then the curve is slower.
 #[test]
 fn a_curve_is_cut_by_no_more_than_it_may_be() {
@@ -197,7 +244,8 @@ fn a_stop_for_a_fault_goes_past_the_shaper() {
 #[test]
 fn what_is_switched_is_switched_at_its_place() {
     let program = "G21 G90 G64 P0.01 F6000\nG1 X60\nM8\nG1 X120\nM9\nX180\nM2\n";
-    for shaped in [false, true] {
+    let exact = program.replace("G64 P0.01", "G61");
+    for (shaped, program) in [(false, program), (true, program), (true, &*exact)] {
         let mut rig = portal(shaped, program);
         let mut places = Vec::new();
         let mut told = 0;
@@ -238,6 +286,10 @@ fn a_shaped_program_keeps_the_limits_of_every_axis() {
 fn what_a_shaper_cannot_be_is_refused_by_name() {
     for (keys, told) in [
         ("kind = \"zvdd\"\nmodes = [[8.0, 0.02]]", "nearest: \"zvd\""),
+        (
+            "kind = \"zv\"\nmodes = [[8.0, 0.02]]\nmethod = \"path\"",
+            "\"clock\" or \"coordinates\"",
+        ),
         ("kind = \"zv\"", "modes"),
         ("kind = \"zv\"\nmodes = []", "0 `modes`"),
         ("kind = \"zv\"\nmodes = [[9, 0.1], [8, 0.1]]", "ascending"),

@@ -1,7 +1,7 @@
 //! What the path allows everywhere along a segment, and the motion from rest to rest that needs no
 //! search.
 
-use super::{Curve, JerkSegment, Limits};
+use super::{Curve, JerkSegment, Limits, PathSegment};
 
 /// Parts of an axis's limits that the curvature's own terms may take: q″ṡ² of the acceleration, q‴ṡ³ and
 /// 3q″ṡs̈ of the jerk. What is left is for speeding up and slowing down; that it is enough for any combination is
@@ -14,12 +14,25 @@ const MIXED_JERK: f64 = 0.35;
 /// its limits.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bounds {
-    speed: f64,
-    acceleration: f64,
-    jerk: f64,
+    pub(super) speed: f64,
+    pub(super) acceleration: f64,
+    pub(super) jerk: f64,
 }
 
 impl Bounds {
+    /// Along a path segment, at the speed that is asked for.
+    pub(super) fn of<const N: usize>(path_segment: &PathSegment<N>, limits: &Limits<N>) -> Self {
+        let asked = path_segment.speed;
+        match path_segment.clock {
+            Some(clock) => Self {
+                speed: clock.velocity[0].min(asked),
+                acceleration: clock.acceleration[0],
+                jerk: clock.jerk[0],
+            },
+            None => Self::along(&path_segment.curve, asked, limits),
+        }
+    }
+
     pub(super) fn along<const N: usize>(curve: &Curve<N>, speed: f64, limits: &Limits<N>) -> Self {
         // |q′|, |q″|, |q‴| of every axis, at most.
         let [d1, d2, d3] = curve.derivative_bounds();
@@ -45,6 +58,22 @@ impl Bounds {
         }
     }
 
+    /// Each the lesser of both.
+    pub(super) fn least(self, other: Self) -> Self {
+        Self {
+            speed: self.speed.min(other.speed),
+            acceleration: self.acceleration.min(other.acceleration),
+            jerk: self.jerk.min(other.jerk),
+        }
+    }
+
+    /// No less than that part of others.
+    pub(super) fn are_at_least(self, part: f64, of: Self) -> bool {
+        self.speed >= part * of.speed
+            && self.acceleration >= part * of.acceleration
+            && self.jerk >= part * of.jerk
+    }
+
     /// As those of one axis.
     pub(super) fn limits(self) -> crate::limits::Limits {
         crate::limits::Limits::symmetric(self.speed, self.acceleration, self.jerk)
@@ -58,8 +87,12 @@ pub(super) fn crawling_time<const N: usize>(
     speed: f64,
     limits: &Limits<N>,
 ) -> f64 {
-    let bounds = Bounds::along(curve, speed, limits);
-    let segments = rest_to_rest(0.0, curve.length(), bounds);
+    time_inside(curve.length(), Bounds::along(curve, speed, limits))
+}
+
+/// How long it takes over that length from rest to rest inside bounds, s.
+pub(super) fn time_inside(length: f64, bounds: Bounds) -> f64 {
+    let segments = rest_to_rest(0.0, length, bounds);
     segments.iter().map(|segment| segment.duration).sum()
 }
 

@@ -41,7 +41,7 @@
 mod node;
 mod search;
 
-use super::{Curve, JerkSegment, Limits, PathSegment, PathState};
+use super::{JerkSegment, Limits, PathSegment, PathState};
 use search::{FINE, MOST_FALLING, MOST_RISING, QUICK, SearchState};
 
 /// Jerk segments of a braking, at most: one a cell.
@@ -196,7 +196,7 @@ impl<const N: usize> Search<N> {
         let Some(first) = path(0) else {
             return Outcome::Impossible;
         };
-        if first.curve.direction().is_some()
+        if first.direction().is_some()
             && let Some(closed) = brake_gently(first, limits, from, target)
         {
             return Outcome::Found(closed);
@@ -238,7 +238,7 @@ impl<const N: usize> Search<N> {
                 if !search.rise(path, limits, from, work)? {
                     return Some(Step::Pause);
                 }
-                search.guess(limits)?;
+                search.guess(path, limits)?;
                 Stage::Round
             }
             Stage::RiseAgain { from_speed } => {
@@ -246,7 +246,7 @@ impl<const N: usize> Search<N> {
                     return Some(Step::Pause);
                 }
                 search.begin_at_another_speed(from_speed)?;
-                search.relax(limits)?;
+                search.relax(path, limits)?;
                 Stage::Round
             }
             Stage::Round => {
@@ -262,7 +262,7 @@ impl<const N: usize> Search<N> {
                         kept: true,
                     }
                 } else {
-                    search.relax(limits)?;
+                    search.relax(path, limits)?;
                     Stage::Round
                 }
             }
@@ -315,7 +315,8 @@ pub(super) fn brake_gently<const N: usize>(
     from: PathState,
     target: f64,
 ) -> Option<Braking> {
-    let (limit, jerk) = reserve(&path_segment.curve, limits, from.speed, from.acceleration)?;
+    let limits = path_segment.limits(limits);
+    let (limit, jerk) = reserve(path_segment, limits, from.speed, from.acceleration)?;
     let braking = closed_form(from, target, limit, jerk)?;
     let end = path_segment.start + path_segment.curve.length();
     (braking.end.distance <= end).then_some(braking)
@@ -325,14 +326,14 @@ pub(super) fn brake_gently<const N: usize>(
 /// anywhere on the curve, whatever its bends ask of the axes meanwhile; `None` if they leave too
 /// little.
 fn reserve<const N: usize>(
-    curve: &Curve<N>,
+    path_segment: &PathSegment<N>,
     limits: &Limits<N>,
     v: f64,
     a: f64,
 ) -> Option<(f64, f64)> {
-    let [d1, d2, d3] = match curve.direction() {
+    let [d1, d2, d3] = match path_segment.direction() {
         Some(along) => [along.map(f64::abs), [0.0; N], [0.0; N]],
-        None => curve.derivative_bounds(),
+        None => path_segment.curve.derivative_bounds(),
     };
     let least = |left: &dyn Fn(usize) -> f64| {
         (0..N)

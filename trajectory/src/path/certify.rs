@@ -82,7 +82,8 @@ pub fn load<const N: usize>(
         velocity: top / path_segment.speed,
         ..Load::default()
     };
-    if let Some(direction) = path_segment.curve.direction() {
+    let limits = path_segment.limits(limits);
+    if let Some(direction) = path_segment.direction() {
         let last = segment.at(segment.duration).2;
         let steepest = segment.acceleration.abs().max(last.abs());
         for i in 0..N {
@@ -271,6 +272,7 @@ mod tests {
             feed: 50.0,
             turns: None,
             most: f64::INFINITY,
+            clock: None,
             asked: 50.0,
             speed: 50.0,
             tag: 0,

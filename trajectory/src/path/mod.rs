@@ -65,9 +65,11 @@ pub mod time_parametrisation;
 pub mod window;
 
 use crate::limits;
+use crate::shaper::Method;
+use time_parametrisation::Slope;
 
 pub use curve::{Arc, Curve, CurveError, Derivatives, Line, Plane, Poly};
-pub use executor::{Dwell, Executor, Setpoint};
+pub use executor::{Dwell, Executor, PathTime, Setpoint};
 pub use jog::{Jog, JogError, Leg, Retraction, Travel};
 pub use planner::{PathError, Planner};
 pub use shaping::Shaping;
@@ -179,6 +181,14 @@ impl PathControlMode {
         };
         let spare = Some(mode.tolerance()).filter(|spare| *spare > 0.0);
         (mode, spare.unwrap_or(exact).max(LEAST_SPARE))
+    }
+
+    /// What of a motion goes through a [shaper](Planner::shape_by) where nobody chooses: where curves are to be exact, the clock.
+    pub fn method(self) -> Method {
+        match self {
+            PathControlMode::Stop | PathControlMode::Exact(_) => Method::Clock,
+            PathControlMode::Blend(_) | PathControlMode::Merge { .. } => Method::Coordinates,
+        }
     }
 
     /// How far the path may leave what is programmed, mm.
@@ -390,6 +400,36 @@ impl<const N: usize> PathSegment<N> {
     pub fn end(&self) -> f64 {
         self.start + self.curve.length()
     }
+
+    /// Its direction where its motion is planned as along a line: always where its clock is shaped.
+    pub(crate) fn direction(&self) -> Option<[f64; N]> {
+        match self.clock {
+            Some(_) => Some(along_the_first()),
+            None => self.curve.direction(),
+        }
+    }
+
+    /// What its motion is planned by at a distance from its start: the curve, or a line along the first axis.
+    pub(crate) fn slope(&self, at: f64) -> Slope<N> {
+        match self.clock {
+            Some(_) => Slope {
+                d1: along_the_first(),
+                d2: [0.0; N],
+                d3: [0.0; N],
+            },
+            None => self.curve.at(at).into(),
+        }
+    }
+
+    /// The limits that its motion keeps by that: the axes', or its own.
+    pub(crate) fn limits<'a>(&'a self, axes: &'a Limits<N>) -> &'a Limits<N> {
+        self.clock.as_ref().unwrap_or(axes)
+    }
+}
+
+/// The direction of what stands for a path whose clock is shaped.
+fn along_the_first<const N: usize>() -> [f64; N] {
+    std::array::from_fn(|axis| if axis == 0 { 1.0 } else { 0.0 })
 }
 
 /// A curve in its place along the section.
@@ -403,8 +443,11 @@ pub struct PathSegment<const N: usize> {
     pub feed: f64,
     /// Where it is by the turns of a spindle: how many a second make that speed.
     pub turns: Option<f64>,
-    /// The path speed that a [shaper](Planner::shape_by) allows, mm/s; infinite without.
+    /// The path speed that a [shaper](Planner::shape_by) of coordinates allows, mm/s; infinite without.
     pub most: f64,
+    /// What one of the clock allows of path speed, acceleration and jerk; none without. Its motion is planned as that of
+    /// the first axis along a line, with these as the axes' limits.
+    pub clock: Option<Limits<N>>,
     /// The path speed that is asked for after overrides, mm/s; infinite for rapid.
     pub asked: f64,
     /// As much of that as is allowed, mm/s.

@@ -188,30 +188,30 @@ impl Slope {
         limits: &Limits<N>,
         from: PathState,
     ) -> Self {
-        let along = |s: f64| {
+        let at = |s: f64| {
             let path_segment = path_segment_at(path_segments, s);
-            let at = path_segment
-                .curve
-                .at((s - path_segment.start).min(path_segment.curve.length()));
-            at.d1.map(f64::abs)
+            let limits = path_segment.limits(limits);
+            let along = (s - path_segment.start).min(path_segment.curve.length());
+            let part = path_segment.slope(along).d1.map(f64::abs);
+            let least = |limit: &[f64; N]| {
+                (0..N)
+                    .map(|i| GENTLY * limit[i] / part[i])
+                    .fold(f64::INFINITY, f64::min)
+            };
+            Slope {
+                acceleration: least(&limits.acceleration),
+                jerk: least(&limits.jerk),
+            }
         };
-        let least = |part: [f64; N], limit: &[f64; N]| {
-            (0..N)
-                .map(|i| GENTLY * limit[i] / part[i])
-                .fold(f64::INFINITY, f64::min)
-        };
-        let slope = |part| Slope {
-            acceleration: least(part, &limits.acceleration),
-            jerk: least(part, &limits.jerk),
-        };
-        let mut most = along(from.distance);
-        let here = slope(most);
+        let here = at(from.distance);
         let time = 0.5 * from.speed / here.acceleration + here.acceleration / here.jerk;
-        for part in PLACES {
-            let there = along(from.distance + part * time * from.speed);
-            most = std::array::from_fn(|i| most[i].max(there[i]));
-        }
-        slope(most)
+        PLACES.iter().fold(here, |least, part| {
+            let there = at(from.distance + part * time * from.speed);
+            Slope {
+                acceleration: least.acceleration.min(there.acceleration),
+                jerk: least.jerk.min(there.jerk),
+            }
+        })
     }
 
     /// Lays the closed form from a state down to the speed `target`, nothing if it is no higher;

@@ -451,6 +451,7 @@ fn a_speed_that_may_fall_is_told_from_one_that_may_not() {
             feed: 100.0,
             turns: None,
             most: f64::INFINITY,
+            clock: None,
             asked: 100.0,
             speed: 100.0,
             tag: 0,

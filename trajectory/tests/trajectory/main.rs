@@ -1,6 +1,7 @@
 //! Plans from outside: what they promise is checked on what an executor makes of them.
 
 mod answers;
+mod clock;
 mod common;
 mod contour;
 mod effect;

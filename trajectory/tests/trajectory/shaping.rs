@@ -12,15 +12,15 @@ use syncline_trajectory::path::{
     Command, Curve, Executor, Feed, Limits, Move, Overrides, PathControlMode, PathItem, Planner,
     Setpoint, Shaping, Travel,
 };
-use syncline_trajectory::shaper::{Kind, Shaper, Vibration};
+use syncline_trajectory::shaper::{Kind, Method, Shaper, Vibration};
 
-const PERIOD: f64 = 0.002;
+pub(crate) const PERIOD: f64 = 0.002;
 
 const KINDS: [Kind; 4] = [Kind::Zv, Kind::Zvd, Kind::Ei, Kind::TwoHumpEi];
 
 /// Amplitude of a vibration, mm, that is carried along by these positions, at their end: exact for what is linear
 /// between them.
-fn left(positions: &[f64], of: Vibration) -> f64 {
+pub(crate) fn left(positions: &[f64], of: Vibration) -> f64 {
     let (natural, damping) = (TAU * of.frequency, of.damping);
     let turning = natural * (1.0 - damping * damping).sqrt();
     let decay = (-damping * natural * PERIOD).exp();
@@ -44,7 +44,7 @@ fn left(positions: &[f64], of: Vibration) -> f64 {
 }
 
 /// The first coordinate of a straight move over that length, unshaped, and by each shaper; each to its own end.
-fn moved(length: f64, shapers: &[Shaper]) -> (Vec<f64>, Vec<Vec<f64>>) {
+fn moved(length: f64, shapers: &[Shaper], method: Method) -> (Vec<f64>, Vec<Vec<f64>>) {
     let limits = Limits {
         velocity: [500.0; 3],
         acceleration: [3_000.0; 3],
@@ -56,19 +56,21 @@ fn moved(length: f64, shapers: &[Shaper]) -> (Vec<f64>, Vec<Vec<f64>>) {
         mode: PathControlMode::Stop,
         tag: 0,
     })];
-    let mut machine = Machine::new(limits, &items, [0.0; 3], PERIOD);
-    let mut rest = machine.executor.setpoint();
-    let mut unshaped = vec![rest];
-    while let Some(setpoint) = machine.advance() {
+    let machine = Machine::new(limits, &items, [0.0; 3], PERIOD);
+    let mut unshaped = vec![machine.executor.setpoint()];
+    let mut alone = machine.clone();
+    while let Some(setpoint) = alone.advance() {
         unshaped.push(setpoint);
-        rest = machine.executor.setpoint();
     }
     let shaped = shapers.iter().map(|shaper| {
+        let mut machine = machine.clone();
+        machine.shape_by(shaper.spread(PERIOD).unwrap(), Some(method), EXACT);
         let mut shaping = Shaping::new(shaper, PERIOD, unshaped[0]);
-        let mut shaped: Vec<f64> = Vec::new();
-        let mut inputs = unshaped.iter().copied().chain(std::iter::repeat(rest));
+        let mut shaped = vec![0.0];
         while shaped.len() < unshaped.len() || !shaping.is_settled() {
-            let setpoint = shaping.shape(inputs.next().unwrap(), 0);
+            let planned = machine.advance();
+            let planned = planned.unwrap_or_else(|| machine.executor.advance());
+            let setpoint = shaping.shape(planned, &machine.executor);
             shaped.push(setpoint.position[0]);
         }
         assert_eq!(shaped.last(), Some(&length));
@@ -96,9 +98,10 @@ fn moves_of_sixty_lengths_leave_of_a_vibration_what_theory_says() {
     ];
     let shapers = kinds.map(|(kind, _)| Shaper::new(kind, &[made_for]));
     let mut worst = [(0.0_f64, 0.0_f64); 4];
-    for step in 0..60 {
+    let each = (0..60).flat_map(|step| [Method::Clock, Method::Coordinates].map(|it| (step, it)));
+    for (step, method) in each {
         let length = 0.5 * 1000.0_f64.powf(f64::from(step) / 59.0);
-        let (unshaped, shaped) = moved(length, &shapers);
+        let (unshaped, shaped) = moved(length, &shapers, method);
         for (at, (kind, off)) in kinds.into_iter().enumerate() {
             for part in [-1.0, -0.5, 0.0, 0.5, 1.0] {
                 let vibration = Vibration {
@@ -133,7 +136,7 @@ fn moves_of_sixty_lengths_leave_of_a_vibration_what_theory_says() {
 
 /// What is done to a shaped motion.
 #[derive(Clone, Copy, Debug)]
-enum Act {
+pub(crate) enum Act {
     Hold,
     Resume,
     Override(f64),
@@ -171,7 +174,7 @@ fn mode() -> impl Strategy<Value = PathControlMode> {
 }
 
 /// By how much a shaper may leave what ends at rest, mm.
-const EXACT: f64 = 0.005;
+pub(crate) const EXACT: f64 = 0.005;
 
 fn tolerated() -> impl Strategy<Value = PathControlMode> {
     prop_oneof![
@@ -182,30 +185,30 @@ fn tolerated() -> impl Strategy<Value = PathControlMode> {
     ]
 }
 
-/// Every setpoint, and the differences of the positions, inside the limits.
-fn check(setpoints: &[Setpoint<3>]) -> Result<(), TestCaseError> {
+/// Every setpoint, and the differences of the positions, inside the limits, but for those parts of them.
+fn check(setpoints: &[Setpoint<3>], rounding: [f64; 3]) -> Result<(), TestCaseError> {
     for axis in 0..3 {
         let limits = [LIMITS.velocity, LIMITS.acceleration, LIMITS.jerk].map(|of| of[axis]);
         for now in setpoints {
             let rates = [now.velocity, now.acceleration, now.jerk].map(|of| of[axis]);
-            for (rate, limit) in rates.into_iter().zip(limits) {
+            for ((rate, limit), part) in rates.into_iter().zip(limits).zip(rounding) {
                 prop_assert!(
-                    rate.abs() <= limit * (1.0 + 1e-9),
+                    rate.abs() <= limit * (1.0 + part),
                     "axis {axis}: {rate} {limit}"
                 );
             }
         }
         let mut differences: Vec<f64> = setpoints.iter().map(|it| it.position[axis]).collect();
         // A position's rounding, through three differences.
-        let mut rounding = 1e-12;
-        for limit in limits {
-            rounding *= 2.0 / PERIOD;
+        let mut noise = 1e-12;
+        for (limit, part) in limits.into_iter().zip(rounding) {
+            noise *= 2.0 / PERIOD;
             differences = (differences.windows(2))
                 .map(|pair| (pair[1] - pair[0]) / PERIOD)
                 .collect();
             for difference in &differences {
                 prop_assert!(
-                    difference.abs() <= limit * (1.0 + 1e-9) + rounding,
+                    difference.abs() <= limit * (1.0 + part) + noise,
                     "axis {axis}: {difference} {limit}"
                 );
             }
@@ -245,28 +248,36 @@ impl Operator<'_> {
     }
 }
 
-/// Goes along a path through a shaper, whatever an operator does; a stop past it begins at that setpoint.
-fn stays_inside(
+/// Goes along a path through a shaper, whatever an operator does; a stop past it begins at that setpoint. By the clock it stays
+/// on the path; by each mode's method every other move is exact.
+pub(crate) fn stays_inside(
     curves: &[Curve<3>],
     mode: PathControlMode,
     feed: f64,
-    shaper: &Shaper,
+    (shaper, method): (&Shaper, Option<Method>),
     acts: &[(u32, Act)],
     stopped: Option<usize>,
 ) -> Result<(), TestCaseError> {
     let items: Vec<_> = curves
         .iter()
-        .map(|&curve| {
+        .zip(0..)
+        .map(|(&curve, tag)| {
             PathItem::Move(Move {
                 curve,
                 feed: Feed::Rate(feed),
-                mode,
-                tag: 0,
+                mode: match method {
+                    None if tag % 2 == 1 => PathControlMode::Exact(0.01),
+                    _ => mode,
+                },
+                tag,
             })
         })
         .collect();
     let start = curves[0].start();
     let mut machine = Machine::new(LIMITS, &items, start, PERIOD);
+    if method != Some(Method::Coordinates) {
+        machine.shape_by(shaper.spread(PERIOD).unwrap(), method, EXACT);
+    }
     let mut shaping = Shaping::new(shaper, PERIOD, machine.executor.setpoint());
     let mut setpoints = vec![machine.executor.setpoint()];
     let mut operator = Operator { acts, waited: 0 };
@@ -276,7 +287,24 @@ fn stays_inside(
             None if shaping.is_settled() => break,
             None => machine.executor.advance(),
         };
-        setpoints.push(shaping.shape(planned, 0));
+        let shaped = shaping.shape(planned, &machine.executor);
+        setpoints.push(shaped);
+        if method == Some(Method::Clock) && setpoints.len() % 5 == 0 {
+            let about = |tag: u32| tag.abs_diff(shaped.tag) <= 1;
+            let near = machine.path.iter().filter(|(tag, _)| about(*tag));
+            let near: Vec<_> = near.map(|(_, curve)| *curve).collect();
+            let all: Vec<_> = machine.path.iter().map(|(_, curve)| *curve).collect();
+            let away = off(&near, &shaped.position);
+            let away = if away > 1e-9 {
+                off(&all, &shaped.position)
+            } else {
+                away
+            };
+            prop_assert!(
+                away <= 1e-9 || machine.path.is_empty(),
+                "{away} mm off the path"
+            );
+        }
         if Some(setpoints.len()) == stopped {
             break;
         }
@@ -300,7 +328,7 @@ fn stays_inside(
         let begun = setpoints.len();
         while !machine.executor.is_idle() {
             let planned = machine.executor.advance();
-            setpoints.push(shaping.shape(planned, 0));
+            setpoints.push(shaping.shape(planned, &machine.executor));
             prop_assert!(setpoints.len() < begun + 5_000, "never rests");
         }
         let [v, a, j] = [500.0, 2_000.0, 40_000.0];
@@ -313,7 +341,11 @@ fn stays_inside(
     }
     let last = setpoints.last().unwrap();
     prop_assert_eq!((last.velocity, last.acceleration), ([0.0; 3], [0.0; 3]));
-    check(&setpoints)
+    let rounding = match method {
+        Some(Method::Coordinates) => [1e-9; 3],
+        _ => [1e-6, 1e-6, 1e-3],
+    };
+    check(&setpoints, rounding)
 }
 
 /// No stop of one axis lasts just as long as the lead's: the next longer one lasted twice that.
@@ -338,7 +370,8 @@ fn a_stop_that_cannot_last_as_long_as_the_leads_is_the_fastest() {
     let modes = modes.map(|(frequency, damping)| Vibration { frequency, damping });
     let shaper = Shaper::new(Kind::Zvd, &modes);
     let mode = PathControlMode::Blend(0.3949298986028653);
-    stays_inside(&curves, mode, 196.8929797009274, &shaper, &[], Some(151)).unwrap();
+    let by = (&shaper, Some(Method::Coordinates));
+    stays_inside(&curves, mode, 196.8929797009274, by, &[], Some(151)).unwrap();
 }
 
 /// How far a point is from the nearest of these curves, mm.
@@ -382,7 +415,11 @@ fn strays(
     };
     let items: Vec<_> = curves.iter().enumerate().map(item).collect();
     let mut machine = Machine::new(LIMITS, &items, curves[0].start(), PERIOD);
-    machine.shape_by(shaper.spread(PERIOD).unwrap(), exact);
+    machine.shape_by(
+        shaper.spread(PERIOD).unwrap(),
+        Some(Method::Coordinates),
+        exact,
+    );
     let mut shaping = Shaping::new(shaper, PERIOD, machine.executor.setpoint());
     let mut operator = Operator { acts, waited: 0 };
     let mut cycles = 0;
@@ -396,7 +433,7 @@ fn strays(
             None if shaping.is_settled() => break,
             None => machine.executor.advance(),
         };
-        let shaped = shaping.shape(planned, 0).position;
+        let shaped = shaping.shape(planned, &machine.executor).position;
         tags.push_back(planned.tag as usize);
         if tags.len() > length {
             tags.pop_front();
@@ -431,9 +468,12 @@ fn curves_are_cut_into_a_few_parts_however_many_there_are() {
         ([3.0, 50.0], 5.0),
         ([20.0, 21.0], 0.3),
     ] {
-        for count in [20, 80, 320] {
+        for (count, method) in [20, 80, 320]
+            .into_iter()
+            .flat_map(|count| [Method::Clock, Method::Coordinates].map(|it| (count, it)))
+        {
             let mut planner = Planner::new(LIMITS, [0.0; 3]);
-            planner.shape_by(shaper.spread(PERIOD).unwrap(), EXACT);
+            planner.shape_by(shaper.spread(PERIOD).unwrap(), Some(method), EXACT);
             let (mut heading, mut at) = (0.0_f64, [0.0; 3]);
             let mut parts = 0;
             let mut drain = |planner: &mut Planner<3>| {
@@ -476,7 +516,7 @@ fn curves_are_cut_into_a_few_parts_however_many_there_are() {
             planner.finish();
             drain(&mut planner);
             let each = parts as f64 / f64::from(count);
-            println!("{radii:?} {length} mm, {count} arcs: {each:.2} parts each");
+            println!("{radii:?} {length} mm, {count} arcs, {method:?}: {each:.2} parts each");
             assert!(each < 5.0, "{parts} parts of {count} arcs");
         }
     }
@@ -555,8 +595,9 @@ proptest! {
         shaper in shaper(),
         acts in prop::collection::vec(act(), 0..5),
         stopped in prop::option::of(1..600_usize),
+        method in prop::sample::select(vec![Some(Method::Clock), Some(Method::Coordinates), None]),
     ) {
-        stays_inside(&curves, mode, feed, &shaper, &acts, stopped)?;
+        stays_inside(&curves, mode, feed, (&shaper, method), &acts, stopped)?;
     }
 
     /// A straight line stays straight, and a stop from the middle of it nearly so.
@@ -566,6 +607,7 @@ proptest! {
         feed in 20.0..300.0_f64,
         shaper in shaper(),
         stopped in 1..400_usize,
+        method in prop::sample::select(vec![Method::Clock, Method::Coordinates]),
     ) {
         let items = [PathItem::Move(Move {
             curve: Curve::line([0.0; 3], end).unwrap(),
@@ -574,6 +616,7 @@ proptest! {
             tag: 0,
         })];
         let mut machine = Machine::new(LIMITS, &items, [0.0; 3], PERIOD);
+        machine.shape_by(shaper.spread(PERIOD).unwrap(), Some(method), EXACT);
         let mut shaping = Shaping::new(&shaper, PERIOD, machine.executor.setpoint());
         let length = end.iter().map(|x| x * x).sum::<f64>().sqrt();
         let off = |at: &[f64; 3]| {
@@ -584,7 +627,7 @@ proptest! {
         let mut last = machine.executor.setpoint();
         for _ in 0..stopped {
             let planned = machine.advance().unwrap_or_else(|| machine.executor.advance());
-            last = shaping.shape(planned, 0);
+            last = shaping.shape(planned, &machine.executor);
             prop_assert!(off(&last.position) <= 1e-10, "{}", off(&last.position));
         }
         if shaping.is_settled() {
@@ -604,4 +647,33 @@ proptest! {
         let way = way.map(|x| x * x).sum::<f64>().sqrt();
         prop_assert!(off(&last.position) <= 0.2 * way + 1e-9, "{} of {way}", off(&last.position));
     }
+}
+
+/// A section that waits for the axes is planned anew: it begins from rest, however little the speed is that rounding leaves of the
+/// motion before.
+#[test]
+fn a_new_plan_waits_for_the_axes_as_the_old_one_did() {
+    let places = [
+        [0.0, 0.0, -0.2971068606248578],
+        [0.0, 0.0, 0.052045677419308836],
+        [0.0, 0.05043950180925821, -0.19756891061223728],
+        [
+            -0.024010238648859702,
+            -0.30941885098551025,
+            0.03632837152086332,
+        ],
+        [0.0, 0.0, 0.0],
+    ];
+    let lines = places
+        .windows(2)
+        .map(|it| Curve::line(it[0], it[1]).unwrap());
+    let vibration = Vibration {
+        frequency: 26.0,
+        damping: 0.1,
+    };
+    let shaper = Shaper::new(Kind::Zvd, &[vibration]);
+    let (by, acts) = ((&shaper, Some(Method::Clock)), [(130, Act::Override(0.1))]);
+    let curves: Vec<_> = lines.collect();
+    let feed = 232.87158186928312;
+    stays_inside(&curves, PathControlMode::Stop, feed, by, &acts, None).unwrap();
 }

@@ -3,7 +3,8 @@
 use super::search::{LOOKING, POLY_CELLS, PROVING, SHARE};
 use super::{ROUNDING, instant_at};
 use crate::path::certify::{self, crest};
-use crate::path::{Curve, Derivatives, JerkSegment, Limits, PathSegment, PathState};
+use crate::path::time_parametrisation::Slope;
+use crate::path::{Curve, JerkSegment, Limits, PathSegment, PathState};
 
 /// Angle, in rad, over which the crest of a parabola tells what a circle asks for.
 const TURN: f64 = 0.06;
@@ -92,10 +93,8 @@ impl<const N: usize> BrakingNode<N> {
         distance: f64,
     ) -> Option<()> {
         let path_segment = cursor.path_segment_at(distance)?;
-        self.rows = rows(
-            &path_segment.curve.at(distance - path_segment.start),
-            limits,
-        );
+        let slope = path_segment.slope(distance - path_segment.start);
+        self.rows = rows(&slope, path_segment.limits(limits));
         self.index = cursor.index;
         Some(())
     }
@@ -126,7 +125,7 @@ impl<const N: usize> BrakingNode<N> {
         limits: &Limits<N>,
         tick: f64,
     ) -> Option<f64> {
-        let along = self.along(limits)[1];
+        let along = self.along((cursor.path)(self.index)?.limits(limits))[1];
         let [low, high] = jerks(self, self.share[1], self.a, 0.0);
         if low > high + CONTRADICTION * along {
             return None;
@@ -149,6 +148,7 @@ impl<const N: usize> BrakingNode<N> {
             };
             there.look(&mut scout, limits, end.distance)?;
             let [least, most] = jerks(&there, self.share[1], self.a, self.t);
+            let limits = (cursor.path)(there.index)?.limits(limits);
             let steady = (accelerations(&there, limits)[0] - self.a) / self.t;
             let need = low.max(least).max(steady);
             uneven = if need > high.min(most) {
@@ -204,7 +204,9 @@ impl<const N: usize> BrakingNode<N> {
             } else {
                 instant_at(&segment, path(index + 1)?.start)
             };
-            if let Curve::Poly(_) = here.curve {
+            if here.clock.is_none()
+                && let Curve::Poly(_) = here.curve
+            {
                 let (ds, speed, acceleration) = segment.at(begin);
                 let part = JerkSegment {
                     duration: until - begin,
@@ -237,9 +239,10 @@ impl<const N: usize> BrakingNode<N> {
         let mut over = [0.0_f64; 3];
         for index in self.index..=next.index {
             let here = path(index)?;
+            let limits = here.limits(limits);
             let on = |t: f64| {
                 let (ds, v, a) = segment.at(t);
-                let at = here.curve.at((segment.distance - here.start) + ds);
+                let at = here.slope((segment.distance - here.start) + ds);
                 (rows(&at, limits), v, a)
             };
             if index > self.index {
@@ -254,6 +257,7 @@ impl<const N: usize> BrakingNode<N> {
             // Polynomials change quickly, circles with the angle.
             let travel = segment.at(until).0 - segment.at(begin).0;
             let parts = match here.curve {
+                _ if here.clock.is_some() => 1.0,
                 Curve::Line(_) => 1.0,
                 Curve::Arc(_) => {
                     let bends = first
@@ -270,7 +274,7 @@ impl<const N: usize> BrakingNode<N> {
                     .clamp(1.0, MOST_POLY_PARTS),
             };
             let bent = match here.curve {
-                Curve::Arc(_) => 1.0 + TURN_ERROR,
+                Curve::Arc(_) if here.clock.is_none() => 1.0 + TURN_ERROR,
                 _ => 1.0,
             };
             *work += 2 * LOOKING * parts as usize + 1;
@@ -299,7 +303,7 @@ impl<const N: usize> BrakingNode<N> {
 /// three, as parts of the axis's jerk limit.
 type Row = [f64; 3];
 
-fn rows<const N: usize>(at: &Derivatives<N>, limits: &Limits<N>) -> [Row; N] {
+fn rows<const N: usize>(at: &Slope<N>, limits: &Limits<N>) -> [Row; N] {
     let mut rows = [[0.0; 3]; N];
     for i in 0..N {
         let part = 1.0 / limits.jerk[i];

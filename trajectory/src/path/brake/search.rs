@@ -169,10 +169,14 @@ impl<const N: usize> SearchState<N> {
     }
 
     /// The first guess: the closed form with what the axes allow along the path here.
-    pub(super) fn guess(&mut self, limits: &Limits<N>) -> Option<()> {
+    pub(super) fn guess<'a>(
+        &mut self,
+        path: impl Fn(usize) -> Option<&'a PathSegment<N>>,
+        limits: &Limits<N>,
+    ) -> Option<()> {
         let (cells, target) = (self.falling_cells, self.target);
         let top = self.falling[0];
-        let [limit, j] = top.along(limits);
+        let [limit, j] = top.along(path(top.index)?.limits(limits));
         let above = top.v - target;
         if above <= 0.0 {
             return None;
@@ -258,6 +262,7 @@ impl<const N: usize> SearchState<N> {
             node.look(&mut cursor, limits, now.distance)?;
             self.work += LOOKING + RELAXING;
             if self.longest.is_infinite() {
+                let limits = (cursor.path)(node.index)?.limits(limits);
                 self.longest = self.step * now.acceleration / node.along(limits)[1] / RISING_STEPS;
             }
             self.stride = self.stride.min(self.longest);
@@ -328,7 +333,11 @@ impl<const N: usize> SearchState<N> {
     }
 
     /// The accelerations and places anew, for the path where it was looked up: the two passes.
-    pub(super) fn relax(&mut self, limits: &Limits<N>) -> Option<()> {
+    pub(super) fn relax<'a>(
+        &mut self,
+        path: impl Fn(usize) -> Option<&'a PathSegment<N>>,
+        limits: &Limits<N>,
+    ) -> Option<()> {
         let last = self.falling_cells;
         let nodes = &mut self.falling[..=last];
         // Back from the end: the greatest E from where the end is reached.
@@ -341,6 +350,7 @@ impl<const N: usize> SearchState<N> {
                 jerks(now, now.share[1], a, -now.t)[1],
             ];
             let high = highs[0].min(highs[1]);
+            let limits = path(now.index)?.limits(limits);
             let low = accelerations(now, limits)[0].min(0.0);
             let down = now.v - next.v;
             let mut by_jerk = (most[k + 1] + high * down).max(0.0);
@@ -371,7 +381,7 @@ impl<const N: usize> SearchState<N> {
                 jerks(next, now.share[1], now.a, now.t)[0],
             ];
             let low = lows[0].max(lows[1]);
-            let [straight, jerk] = now.unbent(limits);
+            let [straight, jerk] = now.unbent(path(now.index)?.limits(limits));
             let mut by_jerk = e - low * down;
             if by_jerk < (IMPASSABLE * straight).min(e) {
                 by_jerk = e + jerk * down;
@@ -428,10 +438,14 @@ impl<const N: usize> SearchState<N> {
                     }
                 }
             } else if now.t > SHORTEST_CUT * self.tick {
-                let quick = match path(now.index)?.curve {
-                    ref curve @ Curve::Poly(_) => (next.s - now.s) / curve.length() * POLY_CELLS,
+                let here = path(now.index)?;
+                let quick = match here.curve {
+                    ref curve @ Curve::Poly(_) if here.clock.is_none() => {
+                        (next.s - now.s) / curve.length() * POLY_CELLS
+                    }
                     _ => 0.0,
                 };
+                let limits = here.limits(limits);
                 let uneven = now.uneven / now.along(limits)[1] / self.resolution.uneven;
                 let parts = quick.max(uneven).ceil().clamp(1.0, MOST_PARTS);
                 for k in 1..parts as usize {

@@ -19,12 +19,14 @@
 //!
 //! - `activity`: what it is doing, and what follows from that,
 //! - `operator`: what an operator does,
+//! - `settled`: how the path waits for setpoints that come later,
 //! - `stop`: the shortest stop,
 //! - `replan`: what it knows of its plan, from which state on it asks for another, and how that takes over.
 
 mod activity;
 mod operator;
 mod replan;
+mod settled;
 mod stop;
 
 use std::collections::VecDeque;
@@ -36,6 +38,8 @@ use super::planner::MOST_AT_ONCE;
 use super::{Command, Curve, JerkSegment, Limits, Overrides, PathSegment};
 use activity::{Activity, Next, StopSearch};
 use replan::PlanStatus;
+pub use settled::PathTime;
+use settled::Settled;
 
 /// Where every axis has to be, and what the path does there.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -82,6 +86,8 @@ enum Step<const N: usize> {
         path_segments: u64,
         /// It goes on with one that is under way.
         moving: bool,
+        /// It begins so much later, s, as the axes have to rest before; known once it is committed.
+        settle: Option<f64>,
     },
     JerkSegment(JerkSegment),
     Dwell {
@@ -113,7 +119,8 @@ impl<const N: usize> Step<N> {
 
     fn duration(&self) -> f64 {
         match *self {
-            Step::Section { .. } | Step::Mark { .. } | Step::Waypoint { .. } => 0.0,
+            Step::Section { settle, .. } => settle.unwrap_or(0.0),
+            Step::Mark { .. } | Step::Waypoint { .. } => 0.0,
             Step::JerkSegment(JerkSegment { duration, .. }) | Step::Dwell { duration, .. } => {
                 duration
             }
@@ -177,6 +184,10 @@ struct Place<const N: usize> {
     origin: f64,
     /// The section leads back.
     backward: bool,
+    /// How many sections began from rest, where on its own the last did, and whether its clock is shaped.
+    sections: u64,
+    from: f64,
+    clock: bool,
     /// Where on the section the path came to rest last, and where the axes are there.
     reached: f64,
     position: [f64; N],
@@ -195,6 +206,9 @@ impl<const N: usize> Place<N> {
             item: None,
             origin: 0.0,
             backward: false,
+            sections: 0,
+            from: 0.0,
+            clock: false,
             reached: 0.0,
             position,
             tag: 0,
@@ -204,7 +218,7 @@ impl<const N: usize> Place<N> {
     }
 }
 
-/// Holds the plan and samples it. Allocates only in [`Executor::new`].
+/// Holds the plan and samples it. Allocates only in [`Executor::new`] and [`Executor::settle`].
 ///
 /// The setpoint of a cycle is a function of its number and of the plan alone: polynomials are
 /// evaluated from their jerk segment's start, never summed up from cycle to cycle.
@@ -236,6 +250,9 @@ pub struct Executor<const N: usize> {
     /// When the first of `steps` began; meaningless when idle.
     began: Clock,
     place: Place<N>,
+    /// When the axes moved last.
+    moved: Option<Clock>,
+    settled: Settled<N>,
     overrides: Overrides,
     /// How many turns a second the spindle makes, where that is known.
     turns: Option<f64>,
@@ -272,6 +289,7 @@ fn any_path_segment<const N: usize>() -> Option<PathSegment<N>> {
         feed: 0.0,
         turns: None,
         most: 0.0,
+        clock: None,
         asked: 0.0,
         speed: 0.0,
         tag: 0,
@@ -291,6 +309,10 @@ impl<const N: usize> Clone for Executor<N> {
             path_segments: copied(&self.path_segments),
             steps: copied(&self.steps),
             search: self.search.clone(),
+            settled: Settled {
+                passed: copied(&self.settled.passed),
+                ..self.settled
+            },
             ..*self
         }
     }
@@ -322,6 +344,8 @@ impl<const N: usize> Executor<N> {
                 offset: 0.0,
             },
             place: Place::before_the_path(position),
+            moved: None,
+            settled: Settled::default(),
             overrides: Overrides::default(),
             turns: None,
             single_block: false,
@@ -335,6 +359,8 @@ impl<const N: usize> Executor<N> {
     /// as they are. Allocates nothing.
     pub fn restart(&mut self, position: [f64; N]) {
         self.path_segments.clear();
+        self.settled.passed.clear();
+        self.moved = None;
         self.steps.clear();
         self.search.reset();
         (self.first_path_segment, self.committed_path_segments) = (0, 0);
@@ -354,7 +380,8 @@ impl<const N: usize> Executor<N> {
 
     /// How many commands can be accepted now.
     pub fn room(&self) -> usize {
-        let room = (self.path_segments.capacity() - self.path_segments.len())
+        let kept = self.path_segments.len() + self.settled.passed.len();
+        let room = (self.path_segments.capacity().saturating_sub(kept))
             .min(self.steps.capacity() - self.steps.len());
         // While it rests nothing is taken, but for the plan that ends the rest.
         let waits = self.rests_at_hold() && !self.awaits_replacement();
@@ -402,6 +429,7 @@ impl<const N: usize> Executor<N> {
                 limits,
                 path_segments,
                 moving: false,
+                settle: None,
             }),
             Command::ReplaceTail(step) => self.plan = PlanStatus::ReceivingTail { from: step },
             Command::PathSegment(path_segment) => self.path_segments.push_back(path_segment),
@@ -529,9 +557,7 @@ impl<const N: usize> Executor<N> {
             let axes = self.activity.jogging();
             return axes.map_or(rest, |axes| axes.setpoint(rest));
         };
-        let t = self.since(self.began).clamp(0.0, segment.duration);
-        let (ds, v, a) = segment.at(t);
-        let v = v.max(0.0);
+        let (ds, v, a) = self.under_way(segment);
         let j = segment.jerk;
         // The two starts first: they are large and constant, the rest is small and exact.
         let at = path_segment
@@ -553,6 +579,13 @@ impl<const N: usize> Executor<N> {
         }
     }
 
+    /// Where a jerk segment is from its start, with what speed, and acceleration.
+    fn under_way(&self, segment: &JerkSegment) -> (f64, f64, f64) {
+        let t = self.since(self.began).clamp(0.0, segment.duration);
+        let (ds, v, a) = segment.at(t);
+        (ds, v.max(0.0), a)
+    }
+
     fn path_distance(&self, on_section: f64) -> f64 {
         if self.place.backward {
             self.place.origin - on_section
@@ -564,6 +597,7 @@ impl<const N: usize> Executor<N> {
     /// Goes on by one cycle.
     pub fn advance(&mut self) -> Setpoint<N> {
         self.cycle += 1;
+        self.settled.forget(self.cycle);
         // Also a dwell in which the axes are jogged: what comes behind it begins when it is over, or later.
         while let Some(step) = self.current() {
             let duration = step.duration();
@@ -575,6 +609,7 @@ impl<const N: usize> Executor<N> {
         }
         if let Activity::Jogging { axes, .. } = &mut self.activity {
             axes.advance(self.overrides.rapid);
+            self.moved = Some(self.now());
             self.come_back();
             return self.setpoint();
         }
@@ -642,9 +677,12 @@ impl<const N: usize> Executor<N> {
                 limits,
                 path_segments,
                 moving,
+                ..
             } => {
                 self.place.limits = Some(limits);
                 let passed = path_segments.saturating_sub(self.first_path_segment) as usize;
+                self.settled
+                    .begin(&self.path_segments, passed, moving, self.cycle);
                 self.path_segments
                     .drain(..passed.min(self.path_segments.len()));
                 self.first_path_segment = path_segments;
@@ -653,9 +691,14 @@ impl<const N: usize> Executor<N> {
                 self.place.backward = backward;
                 if !moving && let Some(Step::JerkSegment(segment)) = self.current() {
                     self.place.reached = segment.distance;
+                    self.place.from = self.place.reached;
+                    self.place.sections += 1;
+                    let first = self.path_segments.front();
+                    self.place.clock = first.is_some_and(|it| it.clock.is_some());
                 }
             }
             Step::JerkSegment(segment) => {
+                self.moved = Some(self.began);
                 if !matches!(self.current(), Some(Step::JerkSegment(_))) {
                     self.finish_run(segment.distance + segment.at(duration).0);
                 }
@@ -695,8 +738,16 @@ impl<const N: usize> Executor<N> {
             self.place.reached = end;
         }
         if self.activity.ends() && self.committed == 0 {
-            self.path_segments.clear();
+            self.forget_path();
         }
+    }
+
+    /// Nothing is left of the path ahead.
+    pub(super) fn forget_path(&mut self) {
+        if let Some(last) = self.path_segments.front() {
+            self.settled.pass(*last, self.cycle);
+        }
+        self.path_segments.clear();
     }
 
     /// The path is on its first path segment, and has come to all waypoints before that.
@@ -717,6 +768,7 @@ impl<const N: usize> Executor<N> {
             {
                 break;
             }
+            self.settled.pass(*path_segment, self.cycle);
             self.path_segments.pop_front();
             self.first_path_segment += 1;
         }

@@ -234,7 +234,7 @@ impl<const N: usize> Executor<N> {
             }
         }
         if self.committed == 0 {
-            self.path_segments.clear();
+            self.forget_path();
         }
     }
 
@@ -256,7 +256,7 @@ impl<const N: usize> Executor<N> {
     fn drop_plan(&mut self) {
         self.drop_uncommitted();
         self.steps.clear();
-        self.path_segments.clear();
+        self.forget_path();
         self.committed = 0;
     }
 
@@ -269,7 +269,7 @@ impl<const N: usize> Executor<N> {
     /// # Errors
     /// Why the order is refused; nothing changes then.
     pub fn jog(&mut self, jog: Jog<N>, travel: &[Option<Travel>; N]) -> Result<(), JogError> {
-        let rests = self.is_idle() || self.is_held() && !self.moves();
+        let rests = (self.is_idle() || self.is_held() && !self.moves()) && !self.is_settling();
         if self.activity.ends() || !rests && !self.is_off_path() {
             return Err(JogError::Moving);
         }

@@ -60,7 +60,15 @@ impl<const N: usize> Executor<N> {
             match *step {
                 Step::Section { item: l, .. } => {
                     item = Some(l);
-                    departure = PathState::default();
+                    // Where its motion begins: it may still wait.
+                    let first = match self.steps.get(index + 1) {
+                        Some(Step::JerkSegment(first)) => first.distance,
+                        _ => 0.0,
+                    };
+                    departure = PathState {
+                        distance: first,
+                        ..PathState::default()
+                    };
                 }
                 Step::Mark { .. } => return None,
                 Step::Dwell { item: l, .. } | Step::Waypoint { item: l, .. } => item = Some(l),
@@ -121,6 +129,7 @@ impl<const N: usize> Executor<N> {
                 }
             }
         }
+        self.settle_sections();
         self.committed = self.steps.len();
         self.committed_path_segments = self.first_path_segment + self.path_segments.len() as u64;
         if let Activity::Stopping { search, .. } = &mut self.activity {
@@ -156,13 +165,15 @@ impl<const N: usize> Executor<N> {
 
     /// The uncommitted steps follow the committed ones from that cycle on.
     fn take_over(&mut self, takeover: u64) {
-        let keep = self.cut(takeover.max(self.cycle));
+        let cycle = takeover.max(self.cycle);
+        let (step, _) = self.step_at(cycle);
+        let keep = self.cut(cycle);
         self.steps.drain(keep..self.committed);
         self.lead = first_lead(self.period);
         self.number = -(keep as i64);
-        let under_way = keep.checked_sub(1).is_some_and(
-            |last| matches!(self.steps[last], Step::JerkSegment(p) if p.at(p.duration).1 > 0.0),
-        );
+        // What the old plan has come to rest with may end at a speed of nothing but rounding.
+        let under_way = keep > step
+            && matches!(self.steps[step], Step::JerkSegment(p) if p.at(p.duration).1 > 0.0);
         if let Some(Step::Section { moving, .. }) = self.steps.get_mut(keep) {
             *moving = under_way;
         }

@@ -127,7 +127,7 @@ impl<const N: usize> Executor<N> {
     /// On a line, and nothing is planned but to slow down: no stop is shorter.
     fn rests_soon(&self, from: PathState) -> bool {
         let here = self.path_segments.get(self.passed(from.distance));
-        here.is_some_and(|path_segment| path_segment.curve.direction().is_some())
+        here.is_some_and(|path_segment| path_segment.direction().is_some())
             && from.acceleration <= 0.0
             && self.steps.iter().all(Step::brakes)
     }
@@ -135,7 +135,7 @@ impl<const N: usize> Executor<N> {
     /// The closed form on a line.
     fn brake_at_once(&self, from: PathState, limits: &Limits<N>) -> Outcome {
         let here = self.path_segments.get(self.passed(from.distance));
-        here.filter(|path_segment| path_segment.curve.direction().is_some())
+        here.filter(|path_segment| path_segment.direction().is_some())
             .and_then(|path_segment| brake_gently(path_segment, limits, from, 0.0))
             .map_or(Outcome::Impossible, Outcome::Found)
     }

@@ -129,6 +129,7 @@ impl<const N: usize> Planner<N> {
         if matches!(self.alternatives.trials[..], [Trial { most: 0.0, .. }]) && !is_exact {
             self.alternatives.trials.clear();
         }
+        self.shape_as(motion.mode);
         let gathered = self.joiner.short_segments.as_ref();
         if gathered.is_none_or(|it| !it.may_go_on(&motion)) {
             if gathered.is_some_and(ShortSegments::is_long_line) {
@@ -296,7 +297,9 @@ fn stretch_time<const N: usize>(
 ) -> StretchTime {
     let mut planner = Planner::new(joiner.limits, [0.0; N]);
     planner.horizon *= LONGER;
-    planner.shaped = joiner.spread.map(Shaped::new);
+    planner.shaped = joiner
+        .shaper
+        .map(|(spread, method)| Shaped::new(spread, method));
     let last = joiner.pending.as_ref().map(|pending| {
         let Move {
             curve, feed, tag, ..
@@ -312,6 +315,7 @@ fn stretch_time<const N: usize>(
             ends: Vec::new(),
             spare: pending.spare,
             most: f64::INFINITY,
+            clock: None,
         })
     });
     for laid in joiner.laid.iter().chain(&last).chain([&Laid::Rest]) {
@@ -339,8 +343,10 @@ impl<const N: usize> Planner<N> {
             for command in self.out.drain(..) {
                 match command {
                     Command::Section { .. } => {
-                        section = steps.last().map_or(0.0, |(_, end)| *end);
-                        steps.push((0.0, section));
+                        let before = steps.last().map(|(_, end)| *end);
+                        section = before.unwrap_or(0.0);
+                        let waits = before.and(self.shaped.as_ref());
+                        steps.push((waits.map_or(0.0, Shaped::waits), section));
                     }
                     Command::ReplaceTail(step) => steps.truncate(step as usize),
                     Command::JerkSegment(segment) => {

@@ -5,10 +5,10 @@ use super::NOTHING;
 
 use crate::limits::PositionLimits;
 use crate::path::blend::{Blend, blend, needed_part, passing_time};
-use crate::path::bounds::crawling_time;
+use crate::path::bounds::{Bounds, crawling_time};
 use crate::path::segment_fitting::{MoveEnd, Part, ShortSegments};
 use crate::path::{Curve, Feed, Limits, Move, PathSegment};
-use crate::shaper::Spread;
+use crate::shaper::{Method, Spread};
 
 /// Tangents, and curvatures by the mm or as parts of the greater, that differ by no more are equal.
 const SMOOTH: f64 = 1e-10;
@@ -39,8 +39,8 @@ pub(super) struct Joiner<const N: usize> {
     pub(super) fits_within: f64,
     /// Short segments that may go on.
     pub(super) short_segments: Option<ShortSegments<N>>,
-    /// How far a shaper spreads the setpoints, and by how much it may leave what is joined, mm.
-    pub(super) spread: Option<Spread>,
+    /// How far a shaper spreads the setpoints, by what method, and by how much it may leave what is joined, mm.
+    pub(super) shaper: Option<(Spread, Method)>,
     pub(super) spare: f64,
     pub(super) pending: Option<Pending<N>>,
     /// How far that strays from what was programmed, mm.
@@ -92,8 +92,9 @@ pub(super) struct LaidCurve<const N: usize> {
     pub(super) ends: Vec<MoveEnd>,
     /// By how much a shaper may leave it, mm.
     pub(super) spare: f64,
-    /// The path speed that it allows, mm/s.
+    /// The path speed that it allows, mm/s; or what it allows where it shapes the clock.
     pub(super) most: f64,
+    pub(super) clock: Option<Limits<N>>,
 }
 
 impl<const N: usize> From<&LaidCurve<N>> for PathSegment<N> {
@@ -105,6 +106,7 @@ impl<const N: usize> From<&LaidCurve<N>> for PathSegment<N> {
             feed: laid.feed.speed(),
             turns: laid.feed.turns(),
             most: laid.most,
+            clock: laid.clock,
             asked: laid.feed.speed(),
             speed: laid.feed.speed().min(laid.most),
             tag: laid.tag,
@@ -123,7 +125,7 @@ impl<const N: usize> Joiner<N> {
             }; N],
             fits_within: f64::INFINITY,
             short_segments: None,
-            spread: None,
+            shaper: None,
             spare: 0.0,
             pending: None,
             deviation: 0.0,
@@ -234,10 +236,11 @@ impl<const N: usize> Joiner<N> {
         self.deviation = deviation;
     }
 
-    /// The path rests between two moves, of which the first has this tag; behind a shaper until the axes have come there.
+    /// The path rests between two moves, of which the first has this tag; behind a shaper until the axes have come there, which
+    /// the executor sees to where that shapes the clock.
     fn rest_between(&mut self, tag: u32) {
         self.rest_here();
-        if self.spread.is_some() {
+        if let Some((_, Method::Coordinates)) = self.shaper {
             self.laid.push(Laid::Settle(tag));
         }
     }
@@ -245,11 +248,14 @@ impl<const N: usize> Joiner<N> {
     /// Whether a rounding takes no longer than a stop. Behind a shaper it is passed, and about it the path followed for the
     /// shaper's length on either side, no faster than its curvature allows; at the stop the path rests for that long.
     fn pays(&self, before: &Move<N>, after: &Move<N>, curve: &Curve<N>) -> bool {
-        let Some(spread) = self.spread else {
+        let Some((spread, method)) = self.shaper else {
             return true;
         };
         let spare = self.pending.as_ref().map_or(0.0, |it| it.spare);
-        let slow = spread.speed(curve.most_curvature(), spare.min(self.spare));
+        let slow = match method {
+            Method::Coordinates => spread.speed(curve.most_curvature(), spare.min(self.spare)),
+            Method::Clock => Bounds::along(curve, f64::INFINITY, &self.limits).speed,
+        };
         let fast = joint_speed(before, after, 1.0, &self.limits);
         if slow >= fast {
             return true;
@@ -432,6 +438,7 @@ impl<const N: usize> Joiner<N> {
             ends: ends.to_vec(),
             spare,
             most: f64::INFINITY,
+            clock: None,
         }));
     }
 }

@@ -47,7 +47,7 @@ use super::segment_fitting::MoveEnd;
 use super::window::{Effort, MOST_CELLS, MOST_WORK, TOO_MANY_CELLS, Window};
 use super::{Command, JerkSegment, Limits, Overrides, PathItem, PathSegment, PathState};
 use crate::limits::PositionLimits;
-use crate::shaper::Spread;
+use crate::shaper::{Method, Spread};
 use alternatives::Alternatives;
 use joining::{Joiner, Laid, LaidCurve};
 use section::Section;
@@ -92,7 +92,8 @@ pub struct Planner<const N: usize> {
     alternatives: Alternatives<N>,
     /// What a shaper asks of what is laid, where there is one.
     shaped: Option<Shaped<N>>,
-    /// By how much that may leave moves without a tolerance, mm.
+    /// By what method, where that is not each mode's own, and by how much that may leave moves without a tolerance, mm.
+    method: Option<Method>,
     exact: f64,
     /// What was planned lately, is under way, and is to be planned.
     items: VecDeque<PlanItem<N>>,
@@ -230,6 +231,7 @@ impl<const N: usize> Planner<N> {
             position,
             joiner: Joiner::new(limits),
             shaped: None,
+            method: None,
             exact: 0.0,
             alternatives: Alternatives::default(),
             items: VecDeque::new(),
@@ -259,14 +261,19 @@ impl<const N: usize> Planner<N> {
         self.joiner.bounds = bounds;
     }
 
-    /// From now on the setpoints are shaped: they leave the path, and that, together with what the planner rounds off,
-    /// stays within each move's tolerance; moves without one, as those that end at rest, may be left by `exact` mm. Curves are
-    /// followed no faster than that takes, and where the path stops between two moves it rests until the axes do. Before the
-    /// first item.
-    pub fn shape_by(&mut self, spread: Spread, exact: f64) {
-        self.joiner.spread = Some(spread);
-        self.shaped = Some(Shaped::new(spread));
-        self.exact = exact;
+    /// From now on the setpoints are shaped, by that method, or by that of each [mode](super::PathControlMode::method); where it
+    /// changes the path stops. Before the first item.
+    ///
+    /// - By coordinates they leave the path, and that, together with what the planner rounds off, stays within each move's
+    ///   tolerance; moves without one, as those that end at rest, may be left by `exact` mm. Curves are followed no faster than
+    ///   that takes, and where the path stops between two moves it rests until the axes do.
+    /// - By the clock they stay on it, and the axes keep their limits where they are then. That the path does not go on
+    ///   behind a stop before the axes rest is the executor's affair ([`Executor::settle`](super::Executor::settle)).
+    pub fn shape_by(&mut self, spread: Spread, method: Option<Method>, exact: f64) {
+        let first = method.unwrap_or(Method::Coordinates);
+        self.joiner.shaper = Some((spread, first));
+        self.shaped = Some(Shaped::new(spread, first));
+        (self.method, self.exact) = (method, exact);
     }
 
     /// Takes the next item.

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::{KEPT, NOTHING};
-use crate::path::bounds::crawling_time;
+use crate::path::bounds::{Bounds, time_inside};
 use crate::path::segment_fitting::MoveEnd;
 use crate::path::window::room_to_stop;
 use crate::path::{Curve, Limits, PathSegment, PathState};
@@ -136,7 +136,7 @@ impl<const N: usize> Section<N> {
             let length = path_segment.curve.length();
             let passed =
                 (to - path_segment.start).min(length) - (from - path_segment.start).max(0.0);
-            let crawl = crawling_time(&path_segment.curve, path_segment.speed, limits);
+            let crawl = time_inside(length, Bounds::of(path_segment, limits));
             passed / length * (WORTH_OF_SEGMENT + WORTH_OF_SECOND * crawl)
         };
         ahead.map(worth).sum()
@@ -186,7 +186,11 @@ pub(super) fn reach<const N: usize>(
 }
 
 fn top_speed<const N: usize>(path_segment: &PathSegment<N>, limits: &Limits<N>) -> f64 {
-    most_speed(&path_segment.curve, limits).min(path_segment.speed)
+    let most = match path_segment.clock {
+        Some(clock) => clock.velocity[0],
+        None => most_speed(&path_segment.curve, limits),
+    };
+    most.min(path_segment.speed)
 }
 
 /// No axis lets the path along a curve be faster, mm/s.

@@ -113,7 +113,7 @@ impl<const N: usize> Task<'_, N> {
             && section.closed
             && one_block
             && no_speed.is_none()
-            && self.path_segments[0].curve.direction().is_some()
+            && self.path_segments[0].direction().is_some()
             && (window.straight(&self.path_segments[0], self.limits, self.departure)).is_ok();
         if !straight && !self.slow_down(window) {
             return None;
@@ -513,12 +513,10 @@ fn lay_slowing<const N: usize>(
     segments: &mut Vec<JerkSegment>,
 ) -> bool {
     let mut target = path_segments[0].speed;
-    let along = path_segments[0]
-        .curve
-        .at(from.distance - path_segments[0].start)
-        .d1;
+    let first = &path_segments[0];
+    let along = first.slope(from.distance - first.start).d1;
     let jerk = (0..N)
-        .map(|i| limits.jerk[i] / along[i].abs())
+        .map(|i| first.limits(limits).jerk[i] / along[i].abs())
         .fold(f64::INFINITY, f64::min);
     // The speed must come down to what is asked for where it has come down.
     for _ in 0..TARGETS {

@@ -61,6 +61,8 @@ pub struct Cell<const N: usize> {
     pub speed: [f64; 2],
     /// What part of the acceleration and jerk limits may be used; 1 or a little less.
     pub share: [f64; 2],
+    /// The axes' limits there.
+    pub limits: Limits<N>,
 }
 
 /// Derivatives by path length, without the position.
@@ -170,7 +172,6 @@ impl<const N: usize> TimeParametrisation<N> {
     pub fn solve(
         &mut self,
         cells: &[Cell<N>],
-        limits: &Limits<N>,
         start: NodeState,
         guess: impl Iterator<Item = NodeState>,
         barrier: f64,
@@ -184,7 +185,7 @@ impl<const N: usize> TimeParametrisation<N> {
         self.nodes[0] = start;
         self.nodes[n] = NodeState::default();
 
-        self.lay_rows(cells, limits);
+        self.lay_rows(cells);
         let (time, _) = self.relinearise(cells);
         for Stage { state, weight, .. } in &mut self.stages {
             *weight = 0.5 * (state.h / state.sigma / time + 1.0 / n as f64);
@@ -275,7 +276,7 @@ impl<const N: usize> TimeParametrisation<N> {
 
     /// Lays every constraint that can be one: of axes that move, and of several that ask for the
     /// same the strictest.
-    fn lay_rows(&mut self, cells: &[Cell<N>], limits: &Limits<N>) {
+    fn lay_rows(&mut self, cells: &[Cell<N>]) {
         self.stages.clear();
         self.rows.clear();
         let last = cells.len() - 1;
@@ -285,7 +286,7 @@ impl<const N: usize> TimeParametrisation<N> {
         };
         for (k, cell) in cells.iter().enumerate() {
             let mut rows = [self.rows.len(); 4];
-            let [start, end] = &cell.ends;
+            let ([start, end], limits) = (&cell.ends, &cell.limits);
             let flat = |slope: &Slope<N>| slope.d2 == [0.0; N] && slope.d3 == [0.0; N];
             let straight = flat(start) && flat(end) && start.d1 == end.d1;
             let along = strictest(&start.d1, &limits.jerk);

@@ -3,6 +3,7 @@
 use super::{CURVE_SHARE, SPEED_SHARE, Window, asked};
 use crate::path::time_parametrisation::{Cell, Slope};
 use crate::path::{Limits, PathSegment, PathState};
+use std::mem::replace;
 
 /// Part of the path over which the estimate of the speed is one formula.
 #[derive(Debug, Clone, Copy)]
@@ -158,11 +159,15 @@ impl<const N: usize> Window<N> {
             if from >= to {
                 continue;
             }
-            let straight = path_segment.curve.direction().is_some();
+            let straight = path_segment.direction().is_some();
+            let limits = path_segment.limits(limits);
             let speed = |s: f64| asked(&self.faster, path_segment, path_segment.start + s);
-            let mut before = Rates::at(&path_segment.curve.at(from).into(), limits, speed(from));
+            let mut before = Rates::at(&path_segment.slope(from), limits, speed(from));
             let mut s0 = from;
-            let parts = path_segment.curve.parts(CELL_TURN);
+            let parts = match straight {
+                true => 1.0,
+                false => path_segment.curve.parts(CELL_TURN),
+            };
             let mut part = path_segment.curve.parts_begun(from, parts);
             while s0 < to {
                 let next = if part < parts {
@@ -183,7 +188,7 @@ impl<const N: usize> Window<N> {
                 let after = if straight && self.faster.is_empty() {
                     before
                 } else {
-                    Rates::at(&path_segment.curve.at(s1).into(), limits, speed(s1))
+                    Rates::at(&path_segment.slope(s1), limits, speed(s1))
                 };
                 let rates = before.least(after);
                 self.stretches.push(Stretch {
@@ -343,7 +348,7 @@ impl<const N: usize> Window<N> {
         self.cells.clear();
         self.path_segment_of.clear();
         let mut index = 0;
-        let mut before = f64::INFINITY;
+        let (mut before, mut steepest) = (f64::INFINITY, f64::INFINITY);
         for ends in self.nodes.windows(2) {
             // By the middle: the ends may be off by rounding.
             let middle = 0.5 * (ends[0] + ends[1]);
@@ -353,8 +358,9 @@ impl<const N: usize> Window<N> {
                 index += 1;
             }
             let path_segment = &path_segments[index];
+            let limits = path_segment.limits(limits);
             let slopes: [Slope<N>; 2] =
-                [ends[0], ends[1]].map(|s| path_segment.curve.at(s - path_segment.start).into());
+                [ends[0], ends[1]].map(|s| path_segment.slope(s - path_segment.start));
             let [first, second] =
                 slopes.map(|slope| Rates::at(&slope, limits, f64::INFINITY).fast.sqrt());
             let [begin, within] = [ends[0], middle].map(|s| asked(&self.faster, path_segment, s));
@@ -365,11 +371,17 @@ impl<const N: usize> Window<N> {
                     SPEED_SHARE * before.min(first).min(begin),
                     SPEED_SHARE * first.min(second).min(within),
                 ],
-                share: if path_segment.curve.direction().is_some() {
-                    [1.0; 2]
-                } else {
-                    [1.0 - CURVE_SHARE; 2]
+                share: match (path_segment.clock, path_segment.curve.direction()) {
+                    // The node belongs to the cell before, too.
+                    (Some(clock), _) => {
+                        let most = clock.acceleration[0];
+                        let before = replace(&mut steepest, most);
+                        [(before / most).min(1.0), 1.0]
+                    }
+                    (None, Some(_)) => [1.0; 2],
+                    (None, None) => [1.0 - CURVE_SHARE; 2],
                 },
+                limits: *limits,
             });
             self.path_segment_of.push(index);
             before = second.min(asked(&self.faster, path_segment, ends[1]));

@@ -246,11 +246,7 @@ impl<const N: usize> Window<N> {
             a: departure.acceleration,
         };
         let end = State::at_rest(path_segment.start + path_segment.curve.length());
-        let problem = Problem::new(
-            start,
-            end,
-            Bounds::along(&path_segment.curve, path_segment.speed, limits).limits(),
-        );
+        let problem = Problem::new(start, end, Bounds::of(path_segment, limits).limits());
         let profile = state_to_state::plan(&problem, 0.0).map_err(|_| NoSolution)?;
         let speed = profile.extrema().velocity;
         if speed.min < -ROUNDING * speed.max {
@@ -272,16 +268,20 @@ impl<const N: usize> Window<N> {
     pub fn crawl(&mut self, path_segments: &[PathSegment<N>], from: f64, limits: &Limits<N>) {
         self.stay();
         let ahead = |s: &&PathSegment<N>| s.start + s.curve.length() > from + SHORTEST;
-        if let Some(PathSegment {
-            start,
-            curve,
-            speed,
-            ..
-        }) = path_segments.iter().find(ahead)
-        {
+        if let Some(path_segment) = path_segments.iter().find(ahead) {
+            let PathSegment {
+                start,
+                curve,
+                speed,
+                clock,
+                ..
+            } = path_segment;
             let bounds = |from, to| match (from, to) {
-                (0.0, to) if to == curve.length() => Bounds::along(curve, *speed, limits),
-                (from, to) => Bounds::along(&curve.part(from, to), *speed, limits),
+                (0.0, to) if to == curve.length() => Bounds::of(path_segment, limits),
+                (from, to) if clock.is_none() => {
+                    Bounds::along(&curve.part(from, to), *speed, limits)
+                }
+                _ => Bounds::of(path_segment, limits),
             };
             let begin = (from - start).max(0.0);
             let mut end = curve.length();
@@ -414,8 +414,7 @@ impl<const N: usize> Window<N> {
             known.clear();
             known.extend_from_slice(self.solver.nodes());
             let mut solve = |guess: &mut dyn Iterator<Item = NodeState>, barrier| {
-                let outcome =
-                    (self.solver).solve(&self.cells, limits, start, guess, barrier, TOLERANCE);
+                let outcome = (self.solver).solve(&self.cells, start, guess, barrier, TOLERANCE);
                 let work = outcome.iterations * self.cells.len();
                 self.allowance = self.allowance.saturating_sub(work);
                 self.effort.solves += 1;
@@ -603,7 +602,8 @@ pub(super) fn room_to_stop<const N: usize>(
         .iter()
         .rev()
         .find(|s| s.start <= from.distance);
-    let along = here.map(|s| s.curve.at(from.distance - s.start).d1);
+    let along = here.map(|s| s.slope(from.distance - s.start).d1);
+    let limits = here.map_or(limits, |s| s.limits(limits));
     let least = |limit: &[f64; N]| {
         let part = along.unwrap_or([1.0; N]);
         (0..N)

@@ -1,7 +1,7 @@
 //! A planner that is never late, and an executor: items in, setpoints out.
 
-use syncline_trajectory::path::{Executor, Limits, PathItem, Planner, Setpoint};
-use syncline_trajectory::shaper::Spread;
+use syncline_trajectory::path::{Command, Curve, Executor, Limits, PathItem, Planner, Setpoint};
+use syncline_trajectory::shaper::{Method, Spread};
 
 /// What runs, and what it still has to.
 #[derive(Clone)]
@@ -10,6 +10,8 @@ pub(crate) struct Machine<'a> {
     planner: Planner<3>,
     items: std::slice::Iter<'a, PathItem<3>>,
     finished: bool,
+    /// The curves that were planned along, each with its tag.
+    pub(crate) path: Vec<(u32, Curve<3>)>,
 }
 
 impl<'a> Machine<'a> {
@@ -25,12 +27,16 @@ impl<'a> Machine<'a> {
             planner: Planner::new(limits, start),
             items: items.iter(),
             finished: false,
+            path: Vec::new(),
         }
     }
 
-    /// What is behind it shapes setpoints, and may leave moves that end at rest by `exact` mm.
-    pub(crate) fn shape_by(&mut self, spread: Spread, exact: f64) {
-        self.planner.shape_by(spread, exact);
+    /// What is behind it shapes setpoints by that method, or by each mode's, and may leave moves that end at rest by `exact` mm.
+    pub(crate) fn shape_by(&mut self, spread: Spread, method: Option<Method>, exact: f64) {
+        self.planner.shape_by(spread, method, exact);
+        if method != Some(Method::Coordinates) {
+            self.executor.settle(spread);
+        }
     }
 
     /// Goes on by one cycle; none where nothing is left.
@@ -43,6 +49,9 @@ impl<'a> Machine<'a> {
         }
         while executor.room() > 0 {
             if let Some(command) = planner.pop() {
+                if let Command::PathSegment(it) = command {
+                    self.path.push((it.tag, it.curve));
+                }
                 assert!(executor.accept(command));
             } else if executor.is_held() {
                 break;
