@@ -206,6 +206,16 @@ impl Shape {
             budgets.iter().map(offset).max().unwrap_or_default()
         };
         let scaling = self.scaling();
+        let limits = AxisLimits {
+            position: (-1.0, STROKE + 1.0),
+            velocity: SPEED,
+            acceleration: ACCELERATION,
+            jerk: JERK,
+            following_error: 5.0,
+            following_error_at_rest: 5.0,
+            skew: None,
+            standstill: 0.1,
+        };
         Layout {
             cycle: self.period,
             setpoint_offset: latest(|budget| budget.setpoint_offset),
@@ -272,16 +282,9 @@ impl Shape {
                     point_to_point: false,
                     feed_forward: None,
                     feedback: None,
-                    limits: AxisLimits {
-                        position: (-1.0, STROKE + 1.0),
-                        velocity: SPEED,
-                        acceleration: ACCELERATION,
-                        jerk: JERK,
-                        following_error: 5.0,
-                        following_error_at_rest: 5.0,
-                        skew: None,
-                        standstill: 0.1,
-                    },
+                    limits,
+                    sent_limits: limits,
+                    compensation: None,
                     homing: Homing::default(),
                     limit_inputs: [Vec::new(), Vec::new()],
                     kept: Err(NotKept::Unknown),

@@ -1,5 +1,6 @@
 //! One axis in the cycle: planned position to increments, actual position back, following error.
 
+mod compensation;
 mod feed_forward;
 mod feedback;
 mod history;
@@ -20,6 +21,7 @@ use super::layout::{self, Layout};
 use super::node::DeviceNode;
 use super::setpoint_guard::SetpointGuard;
 use crate::machine::{AxisLimits, HomingMethod, Kept, NotKept};
+use compensation::Compensation;
 use history::{History, Planned};
 use squaring::Squaring;
 use syncline_drives::model::{Increments, PowerCommand, Setpoint};
@@ -67,6 +69,8 @@ pub(super) struct AxisControl {
     moves_on: bool,
     /// What it was planned to do lately.
     history: History,
+    /// What its setpoints are corrected by, if anything.
+    compensation: Option<Compensation>,
     /// See [`Layout::lag`].
     lag: f64,
     /// If it goes point to point.
@@ -99,9 +103,10 @@ struct Place {
 impl AxisControl {
     pub(super) fn new(index: AxisIndex, layout: &Layout) -> Self {
         let spec = layout.axes[index].clone();
+        let scaling = |drive: usize| &layout.devices[drive].scaling;
         let side = |&drive: &usize| Side {
             next: Setpoint::default(),
-            guard: SetpointGuard::new(&spec.limits, &layout.devices[drive].scaling, layout.cycle),
+            guard: SetpointGuard::new(&spec.sent_limits, scaling(drive), layout.cycle),
             seen: None,
             enabled: None,
         };
@@ -112,6 +117,8 @@ impl AxisControl {
             tested: spec.homing.test_move.is_none(),
             test: Test::Idle,
             point_to_point: spec.point_to_point.then(Place::default),
+            compensation: (spec.compensation.as_ref())
+                .map(|of| Compensation::new(of, scaling(spec.drives[0]).resolution())),
             recalled: false,
             spec,
             moves_on: false,
@@ -230,6 +237,13 @@ impl AxisControl {
         };
         let (mut uncertainty, mut moved) = (0.0_f64, None::<f64>);
         let squareness = self.spec.homing.square.map_or(0.0, |it| it.squareness);
+        let towards = match &self.spec.homing.method {
+            HomingMethod::Switch(search) => Some(search.direction),
+            HomingMethod::HardStop(search) => Some(search.direction),
+            HomingMethod::Encoder | HomingMethod::SetHere { .. } | HomingMethod::Drive(_) => None,
+        };
+        self.place_compensation(true);
+        let position = position + self.correction_of_found(position, towards);
         let places = [position, position + squareness];
         for ((edge, place), &drive) in edges.into_iter().zip(places).zip(&self.spec.drives) {
             let node = &mut nodes[drive];
@@ -258,10 +272,12 @@ impl AxisControl {
             node.set_offset(node.origin());
         }
         let at = |side: usize| nodes[self.spec.drives[side]].setpoint_mm();
-        let (position, apart) = match self.sides.len() {
+        let (sent, apart) = match self.sides.len() {
             2 => (f64::midpoint(at(0), at(1)), at(1) - at(0)),
             _ => (at(0), 0.0),
         };
+        self.place_compensation(self.is_placed());
+        let position = self.uncorrected(sent);
         self.rest(position, apart);
         position
     }
@@ -270,9 +286,10 @@ impl AxisControl {
 
     /// Takes the setpoints of its sides to be at that position.
     fn seat(&mut self, position: f64, nodes: &mut [DeviceNode]) -> Result<(), Fault> {
+        let sent = position + self.correction_at(position);
         for &drive in &self.spec.drives {
             let node = &mut nodes[drive];
-            node.set_offset(node.setpoint.position - node.increments(position)?);
+            node.set_offset(node.setpoint.position - node.increments(sent)?);
         }
         self.rest(position, 0.0);
         Ok(())
@@ -282,9 +299,13 @@ impl AxisControl {
     pub(super) fn rest(&mut self, position: f64, apart: f64) {
         self.history = History::at_rest(Planned {
             position,
+            correction: self.correction_at(position),
             velocity: 0.0,
             apart,
         });
+        if let Some(compensation) = &mut self.compensation {
+            compensation.rest(position);
+        }
         self.squaring = None;
         if let Some(place) = &mut self.point_to_point {
             *place = Place {
@@ -410,11 +431,11 @@ impl AxisControl {
         if self.skewed(difference) && difference > taken_out {
             return Err(Fault::Axis(axis, AxisCause::Skew { difference }));
         }
-        if !self.is_placed() {
-            return Ok(f64::midpoint(least, most));
-        }
         // The encoder's noise on a limit is not outside, nor a side of a gantry that is askew: its middle counts.
-        let position = f64::midpoint(least, most);
+        let position = self.uncorrected(f64::midpoint(least, most));
+        if !self.is_placed() {
+            return Ok(position);
+        }
         let window = self.spec.limits.standstill;
         let (first, last) = self.spec.limits.position;
         if !(first - window..=last + window).contains(&position) {
@@ -479,20 +500,10 @@ impl AxisControl {
 
     /// The plan, positions and velocities, for SYNC `cycle`, which is left out: the next setpoint may be further away.
     pub(super) fn leave_out(&mut self, cycle: u64, plan: (&[f64], &[f64])) {
-        self.history.leave_out(self.planned_at(cycle, plan));
+        let planned = self.planned_at(cycle, plan);
+        self.history.leave_out(planned);
+        self.go_on_compensating();
         self.sides.iter_mut().for_each(|side| side.guard.forget());
-    }
-
-    /// Its share of the plan, positions and velocities, for SYNC `cycle`.
-    fn planned_at(&self, cycle: u64, (positions, velocities): (&[f64], &[f64])) -> Planned {
-        Planned {
-            position: positions[self.spec.coordinate],
-            velocity: velocities[self.spec.coordinate],
-            apart: match &self.squaring {
-                Some(squaring) => squaring.apart(cycle, self.period),
-                None => self.apart(cycle - 1),
-            },
-        }
     }
 
     /// Looks whether its drives can be sent to what the plan, positions and velocities, has for SYNC `cycle`,
@@ -519,7 +530,8 @@ impl AxisControl {
             self.moves_on = true;
             return Ok(());
         }
-        self.history.propose(self.planned_at(cycle, plan));
+        let planned = self.planned_at(cycle, plan);
+        self.history.propose(planned);
         for index in 0..self.sides.len() {
             let drive = self.spec.drives[index];
             let node = &nodes[drive];
@@ -570,9 +582,13 @@ impl AxisControl {
             }
             self.hold_up(nodes);
             self.history.hand_over(cycle);
+            if quick_stopped || homes {
+                self.forget_flank();
+            }
             return false;
         }
         self.history.hand_over(cycle);
+        self.go_on_compensating();
         let mut changes = false;
         for (side, &drive) in self.sides.iter_mut().zip(&self.spec.drives) {
             changes |= nodes[drive].setpoint.position != side.next.position;
@@ -612,18 +628,22 @@ impl AxisControl {
             ..AxisSample::default()
         };
         if worst.by_itself {
-            worst.act = nodes[self.telling(0)].actual_mm();
+            let told = nodes[self.telling(0)].actual_mm();
+            worst.act = self.uncorrected(told);
             worst.set = worst.act;
-            worst.of_side = [worst.act; 2];
+            worst.correction = told - worst.act;
+            worst.of_side = [told; 2];
             return worst;
         }
         for (side, &drive) in self.spec.drives.iter().enumerate() {
             let act = self.actual(cycle, side, nodes);
-            let following_error = self.due(cycle, side, nodes) - act;
+            let due = self.sent_to(cycle, side, nodes);
+            let following_error = due.position - act;
             let latched = self.history.latched(cycle, nodes[drive].delay());
             worst.of_side[side] = latched.of_side(side);
             if side == 0 || following_error.abs() > worst.following_error.abs() {
                 (worst.set, worst.apart) = (latched.position, latched.apart);
+                worst.correction = due.correction;
                 worst.act = self.goes_on(cycle, side, nodes).unwrap_or(act);
                 worst.following_error = following_error;
             }
@@ -638,7 +658,7 @@ impl AxisControl {
             let before = cycle.wrapping_sub(back);
             let [there, here] =
                 [before.wrapping_add(1), before].map(|at| self.history.planned(at, 0.0));
-            (there.position - here.position).abs()
+            (there.sent() - here.sent()).abs()
         });
         steps.fold(0.0, f64::max) / self.period
     }
@@ -650,7 +670,7 @@ impl AxisControl {
             return outcome;
         }
         let encoder = self.loop_encoder();
-        let limits = &self.spec.limits;
+        let limits = &self.spec.sent_limits;
         for (side, &drive) in self.sides.iter_mut().zip(&self.spec.drives) {
             let node = &nodes[encoder.unwrap_or(drive)];
             // What is polled may have moved for longer than a cycle.
@@ -695,7 +715,7 @@ impl AxisControl {
 
     /// Whether the axis has arrived where the plan is at rest.
     pub(super) fn is_in_position(&self, sample: &AxisSample) -> bool {
-        sample.following_error.abs() <= self.spec.limits.standstill
+        sample.following_error.abs() <= self.spec.limits.standstill && self.is_compensated()
     }
 
     /// Checks a sample while the setpoint is frozen.
@@ -746,7 +766,7 @@ impl AxisControl {
         };
         let planned = |node: &DeviceNode| {
             let age = f64::from(node.age());
-            self.history.planned(cycle, self.lag + age).position
+            self.history.planned(cycle, self.lag + age).sent()
         };
         let went = planned(other) - planned(one);
         let difference = (other.actual_mm() - one.actual_mm() - apart - went).abs();

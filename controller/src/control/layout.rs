@@ -157,8 +157,12 @@ pub struct AxisSpec {
     pub point_to_point: bool,
     /// What its drives are sent of the torque that they take, if they are.
     pub feed_forward: Option<AxisTorque>,
-    /// What it may do, and what is a fault.
+    /// What it may be planned to do, and what is a fault.
     pub limits: AxisLimits,
+    /// What its drives may be sent.
+    pub sent_limits: AxisLimits,
+    /// What its setpoints are corrected by.
+    pub compensation: Option<machine::Compensation>,
     /// How it comes to know where it is.
     pub homing: Homing,
     /// The limit switches at its negative and at its positive end.
@@ -211,6 +215,8 @@ impl AxisSpec {
             feed_forward: (axis.feed_forward.as_ref())
                 .map(|it| AxisTorque::new(it, axis.mm_per_revolution)),
             limits: axis.limits,
+            sent_limits: axis.sent_limits,
+            compensation: axis.compensation.clone(),
             homing: axis.homing.clone(),
             limit_inputs: axis.limit_inputs.clone(),
             kept: Err(NotKept::Unknown),

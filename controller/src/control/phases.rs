@@ -72,7 +72,8 @@ impl<const N: usize> Controller<N> {
                 let locked = self.sequences_done();
                 if locked {
                     self.recall_references();
-                    for axis in &self.axes {
+                    for axis in &mut self.axes {
+                        axis.begin_compensating();
                         axis.count_from_here(&mut self.nodes)?;
                         axis.locate(&self.nodes)?;
                     }
@@ -80,7 +81,8 @@ impl<const N: usize> Controller<N> {
                 self.go_on_if(locked, Phase::Disabled, out);
             }
             Phase::Disabled if self.goal == Goal::Ready => {
-                for axis in &self.axes {
+                for axis in &mut self.axes {
+                    axis.begin_compensating();
                     axis.learn_place(&mut self.nodes)?;
                 }
                 self.await_all(AwaitedState::Disabled, Phase::ReadyToSwitchOn, out)?;
@@ -127,10 +129,12 @@ impl<const N: usize> Controller<N> {
                 let settled = self.in_position >= self.still_cycles();
                 let waited = self.timed_out(self.layout.state_timeout);
                 self.disable_what_goes_on();
-                let squares = self.axes.iter().any(|axis| axis.squares(self.cycle));
+                let adjusts =
+                    |axis: &AxisControl| axis.squares(self.cycle) || !axis.is_compensated();
+                let adjusts = self.axes.iter().any(adjusts);
                 let stopped = self.quick_stops_rest();
                 // One that never rests is a fault in time, and quick-stopped by that.
-                let rests = self.path_rests() && !squares && stopped && self.goers_rest();
+                let rests = self.path_rests() && !adjusts && stopped && self.goers_rest();
                 let over = rests && (settled || waited || self.is_faulty());
                 if !over || self.goal == Goal::Ready && !self.let_go_of_stops(settled) {
                     return;

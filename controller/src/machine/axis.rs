@@ -1,5 +1,6 @@
 //! `[[axis]]`: its limits, its drives, and what else the file says of it.
 
+use super::compensation::CompensationTable;
 use super::encoder::FeedbackTable;
 use super::feed_forward::{self, FeedForward};
 use super::fits::{self, Asked};
@@ -7,7 +8,7 @@ use super::homing::{self, HomingTable};
 use super::limit_inputs::LimitTable;
 use super::read::TURN;
 use super::simulation::{self, Simulation};
-use super::{Axis, AxisLimits, Feedback, Homing, Motion, Square};
+use super::{Axis, AxisLimits, Compensation, Feedback, Homing, Motion, Square};
 use std::{ops::Range, time::Duration};
 use syncline_drives::model::Ability;
 use syncline_gcode as gcode;
@@ -51,7 +52,11 @@ pub(super) struct AxisTable {
     pitch: f64,
     gear: f64,
     pub(super) limits: AxisLimits,
-    /// Where they stand.
+    sent_limits: AxisLimits,
+    compensation: Option<Compensation>,
+    /// Where the file says so.
+    pub(super) compensated: Option<CompensationTable>,
+    /// Where the soft limits stand.
     pub(super) soft_limits: Range<usize>,
     /// What its drives are to do besides.
     pub(super) asked: Vec<Asked>,
@@ -146,7 +151,13 @@ impl AxisTable {
                 standstill,
             })
         };
-        let limits = limits();
+        let stated = limits();
+        let compensated = CompensationTable::read(log, &mut table, rotary);
+        let joined = (compensated.as_ref().zip(stated)).map(|(it, limits)| {
+            it.join(log, &table.title, &limits, [velocity, acceleration, jerk])
+        });
+        let (compensation, limits) = joined.unzip();
+        let [limits, sent_limits] = limits.map_or([stated; 2], |it| it.map(Some));
         // What homing keeps to, where one of them is wrong: the others.
         let known = limits.unwrap_or(AxisLimits {
             position: (soft_limits.as_ref())
@@ -168,6 +179,24 @@ impl AxisTable {
             &mut table,
             simulation::Simulated::Axis { rotary, pair },
         );
+        if let Some(compensated) = &compensated {
+            let sees_load = |it: &FeedbackTable| it.closes_loop.is_some();
+            let what = if feedback.as_ref().is_some_and(sees_load) {
+                Some("whose encoder closes the position loop")
+            } else if simulation.as_ref().is_some_and(|it| it.scale.is_some()) {
+                Some("whose drive closes its position loop by a scale")
+            } else {
+                None
+            };
+            if let Some(what) = what {
+                compensated.refuse(
+                    log,
+                    &table.title,
+                    what,
+                    "leave it out: the loop sees where the carriage is",
+                );
+            }
+        }
         if let Some(pitch) = &pitch
             && !(pitch.get_ref() / gear).is_normal()
         {
@@ -187,6 +216,9 @@ impl AxisTable {
             gear,
             soft_limits: soft_limits.as_ref()?.span(),
             limits: limits?,
+            sent_limits: sent_limits?,
+            compensation,
+            compensated,
             asked,
             homing,
             limit_switches,
@@ -221,6 +253,8 @@ impl AxisTable {
             letter: self.letter,
             drives,
             limits: self.limits,
+            sent_limits: self.sent_limits,
+            compensation: self.compensation,
             homing: Homing {
                 square: (self.limits.skew).map(|skew| Square::usual(&self.limits, skew)),
                 ..Homing::default()

@@ -1,6 +1,7 @@
 //! Whether a drive can do what its axis, the cycle and its bus ask of it: what the model says of
 //! itself, held against the machine file.
 
+use super::compensation::CompensationTable;
 use super::encoder::OFTEN_ENOUGH;
 use super::{Axis, AxisLimits, Drive, HomingMethod, Machine, Motion, POLL};
 use std::ops::Range;
@@ -229,6 +230,23 @@ pub(super) fn settle_motions(
     }
 }
 
+/// Whether each axis that is compensated follows the path, where it is seen which way it goes.
+pub(super) fn check_compensation(
+    log: &mut Log<'_>,
+    machine: &Machine,
+    compensated: &[Option<CompensationTable>],
+) {
+    for (axis, table) in machine.axes.iter().zip(compensated) {
+        if let Some(table) = table
+            && axis.motion == Motion::PointToPoint
+        {
+            let title = format!("axis \"{}\"", axis.name());
+            let help = "leave it out, or let the axis follow the path: `motion = \"path\"`";
+            table.refuse(log, &title, "that goes point to point", help);
+        }
+    }
+}
+
 /// The drive of a gantry pair that cannot be a side of one, if there is one: neither does it tell its place at every SYNC, nor
 /// can one encoder tell that of either side.
 fn unpaired<'m>(machine: &'m Machine, axis: &Axis) -> Option<&'m Drive> {
@@ -288,7 +306,7 @@ pub(super) fn check_ramps(log: &mut Log<'_>, machine: &Machine, places: &[Range<
         let device = machine.device(index);
         let least =
             device.drive().map_or(0.0, model::Drive::least_ramp) * drive.scaling.resolution();
-        let most = axis.limits.acceleration;
+        let most = axis.sent_limits.acceleration;
         if axis.motion != Motion::PointToPoint || most >= least {
             continue;
         }
@@ -315,7 +333,7 @@ pub(super) fn check_velocities(log: &mut Log<'_>, machine: &Machine, places: &[R
             .drive()
             .map_or(f64::INFINITY, model::Drive::most_velocity)
             * drive.scaling.resolution();
-        let velocity = axis.limits.velocity;
+        let velocity = axis.sent_limits.velocity;
         if velocity <= most {
             continue;
         }
@@ -625,10 +643,11 @@ fn ambiguous(
 ) -> Option<[String; 2]> {
     let time = CYCLES_APART * cycle.as_secs_f64();
     let most = (range.get() as f64 / 2.0 - 1.0) * drive.scaling.resolution() / time;
-    if axis.limits.velocity < most {
+    let velocity = axis.sent_limits.velocity;
+    if velocity < most {
         return None;
     }
-    let (name, velocity, [_, unit, ..]) = (axis.name(), axis.limits.velocity, axis.units());
+    let (name, [_, unit, ..]) = (axis.name(), axis.units());
     Some([
         format!(
             "axis \"{name}\": with `max_velocity` {velocity} drive \"{}\" ({}), whose setpoints begin anew \
@@ -741,7 +760,7 @@ mod tests {
         let machine = Machine::load(file.as_ref()).unwrap();
         let (mut axis, drive) = (machine.axes[2].clone(), &machine.drives[3]);
         let mut told = |velocity, range| {
-            axis.limits.velocity = velocity;
+            axis.sent_limits.velocity = velocity;
             ambiguous(&axis, (drive, Increments::new(range)), machine.cycle)
         };
         // 32,767 increments in 6 ms.

@@ -4,6 +4,7 @@
 //! all keys.
 
 mod axis;
+mod compensation;
 mod cutting;
 mod dc_bus;
 mod described;
@@ -28,6 +29,7 @@ mod state_file;
 mod user_code;
 mod validation;
 
+pub use compensation::{Compensation, LeadError};
 pub use cutting::Cut;
 pub use encoder::{Encoder, Feedback, MEASURED};
 pub use feed_forward::FeedForward;
@@ -226,8 +228,12 @@ pub struct Axis {
     pub drives: Vec<usize>,
     /// mm per motor revolution.
     pub mm_per_revolution: f64,
-    /// What it may do, and what is a fault.
+    /// What it may be planned to do, and what is a fault.
     pub limits: AxisLimits,
+    /// What its drives may be sent: what is planned, and what [compensating](Self::compensation) adds to it.
+    pub sent_limits: AxisLimits,
+    /// What its setpoints are corrected by.
+    pub compensation: Option<Compensation>,
     /// Whether the drives supervise [`AxisLimits::following_error`] too.
     pub drive_following_error: bool,
     /// Whether the drives supervise [`AxisLimits::position`] too.
@@ -349,6 +355,15 @@ impl Axis {
     #[must_use]
     pub fn stopping_distance(&self, speed: f64) -> f64 {
         self.limits.stopping_distance(speed) + speed * self.shaped_by
+    }
+
+    /// The limits as the machine file states them.
+    #[must_use]
+    pub fn stated_limits(&self) -> AxisLimits {
+        AxisLimits {
+            position: self.limits.position,
+            ..self.sent_limits
+        }
     }
 
     /// As programs and messages name it.
@@ -597,16 +612,18 @@ impl Machine {
         let axis = &self.axes[drive.axis];
         let scaling = &drive.scaling;
         Settings {
-            velocity: scaling.to_increments_per_second(axis.limits.velocity).abs(),
+            velocity: scaling
+                .to_increments_per_second(axis.sent_limits.velocity)
+                .abs(),
             acceleration: scaling
-                .to_increments_per_second(axis.limits.acceleration)
+                .to_increments_per_second(axis.sent_limits.acceleration)
                 .abs(),
             following_error_limit: axis
                 .drive_following_error
                 .then(|| scaling.magnitude(axis.limits.following_error)),
             soft_limits: axis
                 .drive_soft_limits
-                .then(|| drive_soft_limits(&axis.limits, scaling)),
+                .then(|| drive_soft_limits(&axis.sent_limits, scaling)),
             point_to_point: axis.motion == Motion::PointToPoint,
             torque: drive.torque,
             torque_offset: axis.feed_forward.as_ref().map(FeedForward::rated),

@@ -255,6 +255,9 @@ impl Tables {
         let io_nodes = self.io_nodes.into_iter().zip(io_buses);
         let io_nodes: Vec<_> = io_nodes.map(|(io, bus)| io.join(bus)).collect();
         let motions: Vec<_> = self.axes.iter().map(|axis| axis.motion.clone()).collect();
+        let compensated: Vec<_> = (self.axes.iter())
+            .map(|it| it.compensated.clone())
+            .collect();
         let losses: Vec<_> = (self.axes.iter().map(|it| it.position_loss.clone())).collect();
         let (mut axes, rest): (Vec<_>, Vec<_>) = self
             .axes
@@ -346,6 +349,7 @@ impl Tables {
             assumptions: self.assumptions,
         };
         fits::settle_motions(log, &mut machine, &motions, &named);
+        fits::check_compensation(log, &machine, &compensated);
         homing::check(log, &machine, searches);
         fits::check_pairs(log, &machine, &named);
         limit_inputs::check(log, &machine, &limit_switches);

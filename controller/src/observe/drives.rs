@@ -13,7 +13,10 @@ use super::structure::StructureWatch;
 use super::summary::{DriveSummary, GantrySummary, StructureSummary, TransmissionSummary};
 use super::supply::SupplyWatch;
 use super::transmission::TransmissionWatch;
-use crate::machine::{Axis, Drive, FeedAxis, Machine, Position, Simulation, Validation};
+use crate::control::AxisSample;
+use crate::machine::{
+    Axis, COORDINATES, Drive, FeedAxis, Machine, Position, Simulation, Validation,
+};
 use syncline_drives::model::Increments;
 use syncline_drives::twin::Observation;
 use syncline_drives::twin::servo::motor::Motor;
@@ -151,6 +154,20 @@ impl Drives {
         }
         if let Some((cutting, deflection)) = self.cutting.as_mut().zip(deflection) {
             cutting.observe(at, &self.seen, deflection);
+        }
+    }
+
+    /// Takes what the axes say at one SYNC, before it is seen how the drives are.
+    pub(super) fn correct(&mut self, axes: &[AxisSample; COORDINATES]) {
+        for transmission in &mut self.transmissions {
+            transmission.correct(axes);
+        }
+    }
+
+    /// An axis stands where it is known to be.
+    pub(super) fn count_anew(&mut self, coordinate: usize) {
+        for transmission in &mut self.transmissions {
+            transmission.count_anew(coordinate);
         }
     }
 

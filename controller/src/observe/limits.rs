@@ -17,6 +17,9 @@
 //! A setpoint that holds the low bits of a position alone ([`Drive::setpoint_range`]) goes on from the one
 //! before, as the drive takes it; the first one is the nearest to the plan, as nothing else tells.
 //!
+//! Where the controller compensates backlash and lead error, what was sent is held against the corrected setpoint, and the
+//! correction against the machine file's lead error: it is off that by half of the backlash at the most.
+//!
 //! With the third ground, what the first says of the plan holds for what was sent, to half an increment; and
 //! the second holds without it.
 //!
@@ -27,8 +30,8 @@ use super::kept::Kept;
 use super::positioning::Positioning;
 use super::record::{Place, Violation};
 use super::sent::SentSetpoints;
-use crate::control::Row;
-use crate::machine::{Axis, AxisLimits, COORDINATES, Machine, Motion};
+use crate::control::{AxisSample, Row};
+use crate::machine::{Axis, AxisLimits, COORDINATES, Compensation, Machine, Motion};
 use syncline_drives::model::{self, Direction, Increments, Setpoints, unwrapped};
 
 /// A plan may exceed a limit by this part of it: rounding.
@@ -37,18 +40,22 @@ const ROUNDING: f64 = 1e-9;
 /// A setpoint so far beyond a soft limit, mm, is still on it.
 const BEYOND: f64 = 1e-6;
 
+/// What a correction may be off by, mm: a drive that is sent the mean of two setpoints is sent the mean of their corrections.
+const CORRECTED: f64 = 1e-3;
+
 /// How far a setpoint that was sent may be from the one that was planned, increments: rounding to the
 /// nearest one.
 const NEAREST: f64 = 0.5 + 1e-6;
 
 /// What is watched for each axis, and which of its units that has: of position, velocity, acceleration or
 /// jerk, or increments.
-const WATCHED: [(&str, usize); 11] = [
+const WATCHED: [(&str, usize); 12] = [
     ("velocity", 1),
     ("acceleration", 2),
     ("jerk", 3),
     ("following_error", 0),
     ("beyond soft_limits", 0),
+    ("off the compensated position", 0),
     ("sent velocity", 1),
     ("sent acceleration", 2),
     ("sent jerk", 3),
@@ -61,7 +68,7 @@ const WATCHED: [(&str, usize); 11] = [
 const FOLLOWING: usize = 3;
 
 /// Which of them are held against limits of the axis' setpoints.
-const BY_LIMITS: [usize; 8] = [0, 1, 2, 4, 5, 6, 7, 8];
+const BY_LIMITS: [usize; 8] = [0, 1, 2, 4, 6, 7, 8, 9];
 
 /// How many of them are of what was sent: the last ones.
 const SENT: usize = 6;
@@ -107,6 +114,9 @@ pub(super) struct AxisWatches {
     units: [&'static str; 5],
     /// The machine file's; its positions widened by where the axis stood at first.
     pub(super) limits: AxisLimits,
+    /// What of velocity, acceleration and jerk the plan has: what compensation leaves it.
+    planned_limits: [f64; 3],
+    compensation: Option<Compensation>,
     max: [f64; WATCHED.len()],
     watches: [Watch; WATCHED.len()],
     /// The cycle of the next row, if none is left out.
@@ -221,7 +231,13 @@ impl AxisWatches {
             name: axis.name(),
             coordinate: axis.letter.index(),
             units: [position, velocity, acceleration, jerk, "increments"],
-            limits: axis.limits,
+            limits: axis.stated_limits(),
+            planned_limits: [
+                axis.limits.velocity,
+                axis.limits.acceleration,
+                axis.limits.jerk,
+            ],
+            compensation: axis.compensation.clone(),
             max: [0.0; WATCHED.len()],
             watches: Default::default(),
             // No row has that number: the first one begins.
@@ -329,8 +345,11 @@ impl AxisWatches {
             row.plan.jerk[at].abs().max(jerk),
             following.abs(),
             (min - position).max(position - max).max(0.0),
+            self.off_compensated(&row.axes[at]),
         ];
-        let sent = sent.map_or([0.0; SENT], |sent| self.latch(row, sent, (min, max)));
+        let beyond = (self.compensation.as_ref()).map_or(0.0, Compensation::greatest);
+        let of_sent = (min - beyond, max + beyond);
+        let sent = sent.map_or([0.0; SENT], |sent| self.latch(row, sent, of_sent));
         let AxisLimits {
             velocity,
             acceleration,
@@ -345,7 +364,9 @@ impl AxisWatches {
             false => standstill + skew.unwrap_or(0.0),
         };
         let following = following_error.min(self.following_tolerance);
-        let planned = (planned.into_iter()).zip([velocity, acceleration, jerk, following, BEYOND]);
+        let [v, a, j] = self.planned_limits;
+        let flank = 0.5 * (self.compensation.as_ref()).map_or(0.0, |it| it.backlash);
+        let planned = (planned.into_iter()).zip([v, a, j, following, BEYOND, flank + CORRECTED]);
         let sent = sent
             .into_iter()
             .zip([velocity, acceleration, jerk, BEYOND, NEAREST, window]);
@@ -365,6 +386,18 @@ impl AxisWatches {
                 limit,
                 unit: self.units[unit],
             });
+        }
+    }
+
+    /// How far a drive is sent beside where the lead error says that the axis has to be sent, mm: that is half of its backlash
+    /// at the most.
+    fn off_compensated(&self, sample: &AxisSample) -> f64 {
+        match (&self.compensation, &self.sides[..]) {
+            (Some(compensation), [side]) if self.referenced => {
+                let (error, _) = compensation.lead_error.at(sample.set);
+                (sample.of_side[side.place] - (sample.set - error)).abs()
+            }
+            _ => 0.0,
         }
     }
 

@@ -234,6 +234,7 @@ impl Observers {
             }
             Event::Referenced { axis, .. } | Event::Recalled { axis, .. } => {
                 self.axes[*axis].count_anew(true);
+                self.drives.count_anew(self.axes[*axis].coordinate);
             }
             Event::Unreferenced {
                 axis,
@@ -267,6 +268,7 @@ impl Observers {
         let moved = self.travel.cycles.motion - moved;
         self.operations.observe(row, time, line, moved);
         self.switched.observe(row, time);
+        self.drives.correct(&row.axes);
         let tool = self.drives.tool(&observed.actual);
         let off_path = (self.deviation).observe(observed, &tool, time, &mut self.violations);
         if self.samples.is_none() {

@@ -144,7 +144,7 @@ impl Report {
                 .map(|axis| AxisReport {
                     name: axis.name().to_owned(),
                     units: axis.units(),
-                    limits: axis.limits,
+                    limits: axis.stated_limits(),
                     ..AxisReport::default()
                 })
                 .collect(),

@@ -2,12 +2,14 @@
 //!
 //! The tool is at the load, and a drive's encoder is at its motor. Both are seen once a cycle, shortly behind its SYNC; what
 //! the load is off by at a SYNC is what was seen behind the one before, and how it changed by then. It counts from the first
-//! SYNC on: where the axis stands then is where it is known to be. Where a scale or an encoder sees the load, what the axis says
+//! SYNC on, and from where the axis is referenced: where it stands then is where it is known to be. What the controller
+//! compensates is on both sides: its drive goes further by that, and the axis says that it did not. Where a scale or an encoder sees the load, what the axis says
 //! is the load's.
 
 use super::record::{Greatest, Place};
 use super::summary::TransmissionSummary;
-use crate::machine::{Axis, Machine, Position};
+use crate::control::AxisSample;
+use crate::machine::{Axis, COORDINATES, Machine, Position};
 use syncline_drives::twin::Observation;
 
 /// The transmission of one axis.
@@ -22,8 +24,10 @@ pub(super) struct TransmissionWatch {
     cycle: f64,
     /// What the load was off by at first, mm.
     first: Option<f64>,
-    /// What it is off by at the next SYNC, from there, mm.
+    /// How far it is from its drives at the next SYNC, mm.
     ahead: f64,
+    /// How far its drives are beyond where the axis says that it is, mm.
+    correction: f64,
     greatest: Greatest,
 }
 
@@ -43,6 +47,7 @@ impl TransmissionWatch {
             cycle: machine.cycle.as_secs_f64(),
             first: None,
             ahead: 0.0,
+            correction: 0.0,
             greatest: Greatest::default(),
         })
     }
@@ -56,14 +61,28 @@ impl TransmissionWatch {
         };
         let off = mean(&|it| it.load_position - it.position);
         let rate = mean(&|it| it.load_velocity - it.velocity);
-        let off = off - *self.first.get_or_insert(off);
         self.ahead = off + rate * self.cycle;
+        let off = off + self.correction;
+        let off = off - *self.first.get_or_insert(off);
         self.greatest.look(off.abs(), at);
+    }
+
+    /// It stands where it is known to be.
+    pub(super) fn count_anew(&mut self, coordinate: usize) {
+        if coordinate == self.coordinate {
+            self.first = None;
+        }
+    }
+
+    /// Takes what the axes say at one SYNC, before it is seen how the drives are.
+    pub(super) fn correct(&mut self, axes: &[AxisSample; COORDINATES]) {
+        self.correction = axes[self.coordinate].correction;
     }
 
     /// Moves the tool by what the load is off at the next SYNC.
     pub(super) fn give(&self, tool: &mut Position) {
-        tool[self.coordinate] += self.ahead;
+        let off = |first| self.ahead + self.correction - first;
+        tool[self.coordinate] += self.first.map_or(0.0, off);
     }
 
     /// What was seen; `None` where the load never was off.

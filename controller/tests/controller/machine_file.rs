@@ -7,7 +7,7 @@ use std::path::Path;
 use std::time::Duration;
 use syncline_controller::budget::{DoesNotFit, MachineBudget};
 use syncline_controller::machine::{
-    AnalogSource, HomingMethod, InputMeaning, Machine, Motion, OutputSwitch, TestMove,
+    AnalogSource, AxisLimits, HomingMethod, InputMeaning, Machine, Motion, OutputSwitch, TestMove,
 };
 use syncline_drives::model::{Increments, MODELS};
 use syncline_strict_toml::{Diagnostic, Invalid};
@@ -941,6 +941,83 @@ fn an_encoder_closes_no_loop_that_a_drive_closes() {
         .join("\n\n")
     );
     assert!(machine.is_ok_and(|it| it.axes[2].feedback.is_some_and(|it| it.closes_loop)));
+}
+
+/// What an axis is compensated for has to be something, and leave its plan room; what sees the load has nothing to compensate.
+#[test]
+fn what_cannot_be_compensated_is_refused() {
+    let z = "soft_limits = [-300.0, 0.0]\n";
+    let refused = |keys: &str, changes: &[(&str, &str)]| {
+        let mut text = portal_with(z, &format!("{z}{keys}\n"));
+        for (from, to) in changes {
+            assert!(text.contains(from), "{from}");
+            text = text.replacen(from, to, 1);
+        }
+        let told = parse(&text).unwrap_err().diagnostics.into_iter();
+        let told: Vec<_> = told
+            .map(|it| format!("{}: {}", it.problem, it.help))
+            .collect();
+        format!("{keys}\n  {}", told.join("\n  "))
+    };
+    let scale = (
+        "[[axis]]\nname = \"Z\"\n",
+        "[[axis]]\nname = \"Z\"\nsimulation = { scale_step = 1.0 }\n",
+    );
+    let drive = "node = 4\nmodel = \"lxm32m\"\nzero = 5_000_000";
+    let unsupervised = (
+        "following_error_limit = 1.0\nstandstill_window = 0.05\ndrive_following_error = true\ndrive_soft_limits = true\n",
+        "following_error_limit = 1.0\nstandstill_window = 0.05\n",
+    );
+    let velocities = (drive, "node = 4\nmodel = \"tlc5xx\"\nzero = 600_000");
+    let encoder = (
+        "[[axis]]\nname = \"Z\"\n",
+        &*ENCODER.replace(
+            "difference_limit = 0.2\n",
+            "difference_limit = 0.2\nposition_loop = \"encoder\"\n",
+        ),
+    );
+    let targets = (
+        "[[axis]]\nname = \"Z\"\n",
+        "[[axis]]\nname = \"Z\"\nmotion = \"point_to_point\"\n",
+    );
+    insta::assert_snapshot!(
+        [
+            refused("backlash = 0.0", &[]),
+            refused("backlash = 20", &[]),
+            refused("lead_error = 12", &[]),
+            refused("lead_error = [[0, 12]]", &[]),
+            refused("lead_error = [[0, 0], [-100, 5]]", &[]),
+            refused("lead_error = [[-100, 0], [0, 1500]]", &[]),
+            refused("lead_error = [[-2, 0], [0, 300]]", &[]),
+            // Noise of 8 µm every 2 mm.
+            refused("lead_error = [[-104, 4], [-102, -4], [-100, 4]]", &[]),
+            refused("backlash = 0.02", &[scale]),
+            refused(
+                "lead_error = [[-100, 0], [0, 12]]",
+                &[unsupervised, velocities, encoder]
+            ),
+            refused("backlash = 0.02", &[unsupervised, velocities, targets]),
+        ]
+        .join("\n\n")
+    );
+    // What is left for the plan is what (128 b / J)^(1/3) takes no part of; the drives, and what they are held against, have it all.
+    let machine = parse(&portal_with(z, &format!("{z}backlash = 0.02\n"))).unwrap();
+    let axis = &machine.axes[2];
+    let of = |it: &AxisLimits| [it.velocity, it.acceleration, it.jerk];
+    let quarter = 0.25 * f64::cbrt(128.0 * 0.02 / 80_000.0);
+    let (v, a) = (20_000.0 * quarter * quarter, 20_000.0 * quarter);
+    for (left, expected) in of(&axis.limits)
+        .into_iter()
+        .zip([500.0 - v, 4000.0 - a, 60_000.0])
+    {
+        assert!(
+            (left / expected - 1.0).abs() < 1e-9,
+            "{left}, expected {expected}"
+        );
+    }
+    assert_eq!(of(&axis.stated_limits()), [500.0, 4000.0, 80_000.0]);
+    assert_eq!(axis.limits.position, (-300.0, 0.0));
+    assert_eq!(axis.sent_limits.position, (-300.01, 0.01));
 }
 
 /// Which axes may go point to point, and which do where the file does not say.

@@ -48,7 +48,7 @@ impl Setpoints {
             return;
         };
         let increment = spec.scaling.resolution();
-        let limits = &axis.limits;
+        let limits = &axis.sent_limits;
         if scene.is_placed(spec.axis) {
             outside(scene, drive, latched, limits, increment, found);
         }

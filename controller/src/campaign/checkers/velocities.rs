@@ -59,7 +59,7 @@ impl Checker for Velocities {
                 || format!("drive {}: {sent} with {word:04X}h", spec.name),
             );
         }
-        let limits = &scene.machine.axes[spec.axis].limits;
+        let limits = &scene.machine.axes[spec.axis].sent_limits;
         let leads = limits.acceleration * dynamics.lag;
         let allowed = limits.velocity + leads + dynamics.gain * limits.following_error;
         let increment = spec.scaling.resolution();

@@ -26,7 +26,10 @@ impl AxisControl {
         for &drive in &self.spec.drives {
             let teaches = |it: &AxisFeedback| it.teaches != Teaches::Never;
             let there = match self.spec.feedback.filter(teaches) {
-                Some(it) => nodes[drive].increments(nodes[it.encoder].actual_mm())?,
+                Some(it) => {
+                    let there = nodes[it.encoder].actual_mm();
+                    nodes[drive].increments(there + self.correction_at(there))?
+                }
                 None if self.is_placed() => continue,
                 None => nodes[drive].scaling().zero(),
             };
@@ -68,7 +71,7 @@ impl AxisControl {
         }
         let count = drives.len() as f64;
         let mean = drives.map(DeviceNode::actual_mm).sum::<f64>() / count;
-        let difference = encoder.actual_mm() - mean;
+        let difference = encoder.actual_mm() - self.uncorrected(mean);
         if difference.abs() > allowed {
             let axis = self.index;
             let cause = AxisCause::FeedbackDifference { difference };

@@ -20,7 +20,9 @@ const FARTHEST: f64 = (KEPT - 6) as f64;
 pub(super) struct Planned {
     /// mm
     pub(super) position: f64,
-    /// mm/s
+    /// What its drives are sent beyond that, so that it is there, mm.
+    pub(super) correction: f64,
+    /// Of what they are sent, mm/s.
     pub(super) velocity: f64,
     /// How far the second side is planned beyond the first, mm.
     pub(super) apart: f64,
@@ -33,14 +35,20 @@ impl Planned {
     fn towards(self, next: Self, part: f64) -> Self {
         Self {
             position: self.position + part * (next.position - self.position),
+            correction: self.correction + part * (next.correction - self.correction),
             velocity: self.velocity + part * (next.velocity - self.velocity),
             apart: self.apart + part * (next.apart - self.apart),
         }
     }
 
-    /// The position of a side, mm.
+    /// What its drives are sent, in the mean of its sides, mm.
+    pub(super) fn sent(self) -> f64 {
+        self.position + self.correction
+    }
+
+    /// What the drive of a side is sent, mm.
     pub(super) fn of_side(self, side: usize) -> f64 {
-        self.position + OUTWARDS[side] * self.apart
+        self.sent() + OUTWARDS[side] * self.apart
     }
 }
 

@@ -2,6 +2,7 @@
 //! planned to be when it was last seen.
 
 use super::super::node::DeviceNode;
+use super::history::Planned;
 use super::{AxisControl, OUTWARDS};
 
 /// The velocity that a drive was sent last, in whole units of its own, mm/s; `None` if it is sent positions.
@@ -42,6 +43,11 @@ impl AxisControl {
 
     /// Where a side is in the plan's frame, mm; `cycle` is that of the last SYNC.
     pub(super) fn actual(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
+        self.told(cycle, side, nodes) - self.sent_to(cycle, side, nodes).correction
+    }
+
+    /// Where its drive, or what closes its position loop, has a side, mm: not corrected.
+    pub(super) fn told(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
         if let Some(encoder) = self.loop_encoder() {
             return nodes[encoder].actual_mm();
         }
@@ -59,10 +65,13 @@ impl AxisControl {
 
     /// Where a side should have been at the SYNC of its last sample, mm; `cycle` is that of the last SYNC.
     pub(super) fn due(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
+        self.sent_to(cycle, side, nodes).position
+    }
+
+    /// What that was of.
+    pub(super) fn sent_to(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> Planned {
         let age = nodes[self.telling(side)].age();
-        self.history
-            .planned(cycle, self.lag + f64::from(age))
-            .position
+        self.history.planned(cycle, self.lag + f64::from(age))
     }
 
     /// By how much a side was behind that, mm.

@@ -5,10 +5,12 @@
 pub struct AxisSample {
     /// The setpoint that the drives latched, of a gantry the side that is worse off, before quantisation, mm.
     pub set: f64,
-    /// Where each side was to be by the setpoint that it latched itself, mm: sides that are late by different times latch different ones.
+    /// Where the drive of each side was sent by the setpoint that it latched itself, mm: sides that are late by different times latch different ones.
     pub of_side: [f64; 2],
     /// Actual position in the plan's frame, mm; of a gantry the side that is worse off.
     pub act: f64,
+    /// What the drives were sent beyond the setpoint for backlash and lead error, and are beyond the actual position, mm.
+    pub correction: f64,
     /// Setpoint minus actual position after removing the interpolation delay, mm.
     pub following_error: f64,
     /// Of a gantry: how far the second side was planned beyond the first, where that is being taken

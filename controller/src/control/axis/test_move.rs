@@ -86,7 +86,7 @@ impl AxisControl {
         let is_inside = (least..=most).contains(&(from + distance)) || !self.is_placed();
         let mut began = [0.0; 2];
         for (side, began) in began.iter_mut().enumerate().take(self.sides.len()) {
-            *began = self.actual(cycle, side, nodes);
+            *began = self.told(cycle, side, nodes);
         }
         let way = Way {
             from,
@@ -119,7 +119,7 @@ impl AxisControl {
             let Some(velocity) = sent_velocity(node) else {
                 continue;
             };
-            let went = self.actual(cycle, side, nodes) - way.began[side];
+            let went = self.told(cycle, side, nodes) - way.began[side];
             let factor = went / nonzero(way.sent[side], node.scaling().resolution());
             if (went - way.sent[side]).abs() > test.most_off() {
                 return Err(Fault::Axis(self.index, AxisCause::TestMove { factor }));

@@ -156,7 +156,7 @@ impl<const N: usize> Controller<N> {
             let (sides, sum) = self.telling(index).fold((0.0, 0.0), |(sides, sum), node| {
                 (sides + 1.0, sum + node.actual_mm())
             });
-            position[axis.coordinate()] = sum / sides;
+            position[axis.coordinate()] = axis.uncorrected(sum / sides);
         }
         self.probing.samples.keep(position);
     }
@@ -186,7 +186,7 @@ impl<const N: usize> Controller<N> {
             uncertainty = uncertainty.max(off);
         }
         Some(Place {
-            position: sum / drives.len() as f64,
+            position: self.axes[axis].uncorrected(sum / drives.len() as f64),
             uncertainty,
         })
     }
