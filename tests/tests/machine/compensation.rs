@@ -1,6 +1,8 @@
 //! Axes with play and lead error whose controller compensates them, beside the same without.
 
 use super::homing::{failure, go, home, settle, state};
+use super::lost_cycles::{is_guarded, jumps, oversleep};
+use proptest::prelude::*;
 use serde_json::Value;
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
@@ -143,12 +145,48 @@ fn the_load_is_where_the_axis_says() {
     assert!(closed < 0.005, "{closed}");
 }
 
+/// Keys of X and Y of the portal.
+fn keys() -> [(String, String); 2] {
+    let keys = "backlash = 0.05\nlead_error = [[0, 0], [100, 20], [250, -15], [400, 5]]\n";
+    ["skew_limit = 0.5", "max_velocity = 800.0"]
+        .map(|key| (key.to_owned(), format!("{key}\n{keys}")))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
+
+    /// Where axes turn round all the time and cycles are lost, one by one or so many that the path is stopped, nothing is sent that an axis
+    /// may not be sent, but behind the lost cycles themselves.
+    #[test]
+    fn lost_cycles_and_stops_leave_no_step(
+        moves in prop::collection::vec(([10.0..390.0_f64, 10.0..390.0], 500.0..6000.0_f64, -0.6..0.6_f64), 2..6),
+        lates in prop::collection::vec((0..1500usize, 0.0..2.9_f64), 1..4),
+    ) {
+        let line = |([x, y], feed, back): &([f64; 2], f64, f64)| {
+            let (u, v) = (x + back, y - back);
+            format!("G1 X{x:.3} Y{y:.3} F{feed:.0}\nX{u:.3} Y{v:.3}\nX{x:.3}\n")
+        };
+        let lines: String = moves.iter().map(line).collect();
+        let program = format!("G21 G90 G94 G64 P0.1\n{lines}M2\n");
+        let keys = keys();
+        let keys: Vec<_> = keys.iter().map(|(old, new)| (&**old, &**new)).collect();
+        let mut rig = Rig::new("portal", &keys, &program, |_, _| ());
+        rig.run_until(|rig| state(rig) == State::Running);
+        oversleep(&mut rig, &lates);
+        rig.finish();
+        let faults = rig.session.faults();
+        prop_assert!(!faults.iter().any(is_guarded), "{:?}", faults);
+        for (drive, axis) in [(0, 0), (1, 0), (2, 1)] {
+            let jumps = jumps(&rig, drive, axis);
+            prop_assert!(jumps <= lates.len(), "drive {}: {}", drive, jumps);
+        }
+    }
+}
+
 /// Both sides of a gantry, and beside them an axis whose drive is sent velocities.
 #[test]
 fn gantries_and_velocity_loops_are_compensated() {
-    let keys = "backlash = 0.05\nlead_error = [[0, 0], [100, 20], [250, -15], [400, 5]]\n";
-    let of = |limit: &str| (limit.to_owned(), format!("{limit}\n{keys}"));
-    let [x, y] = ["skew_limit = 0.5", "max_velocity = 800.0"].map(of);
+    let [x, y] = keys();
     let changes = [(&*x.0, &*x.1), (&*y.0, &*y.1)];
     let rig = Rig::new("portal", &changes, PORTAL_PROGRAM, |_, _| ());
     let summary = rig.judge();

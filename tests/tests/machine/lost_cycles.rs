@@ -13,7 +13,7 @@ const X1: usize = 0;
 const X2: usize = 1;
 
 /// When a wake-up is late, and by how many cycles.
-type Late = (usize, f64);
+pub(super) type Late = (usize, f64);
 
 /// Moves of X, Y and Z, each slow enough that a lost cycle of it is no following error.
 fn moves() -> impl Strategy<Value = Vec<([f64; 3], f64)>> {
@@ -28,12 +28,12 @@ fn program(moves: &[([f64; 3], f64)]) -> String {
     format!("G21 G90 G94 G64 P0.1\n{lines}M2\n")
 }
 
-fn is_guarded(fault: &Fault) -> bool {
+pub(super) fn is_guarded(fault: &Fault) -> bool {
     matches!(fault, Fault::Axis(_, AxisCause::SetpointGuard { .. }))
 }
 
 /// Goes on with wake-ups that are late, in turn.
-fn oversleep(rig: &mut Rig, lates: &[Late]) {
+pub(super) fn oversleep(rig: &mut Rig, lates: &[Late]) {
     for &(wake_ups, cycles) in lates {
         for _ in 0..wake_ups {
             if !rig.step() {
@@ -47,9 +47,9 @@ fn oversleep(rig: &mut Rig, lates: &[Late]) {
 }
 
 /// How often a drive of an axis was sent somewhere that no motion within the axis' limits leads to.
-fn jumps(rig: &Rig, drive: usize, axis: usize) -> usize {
+pub(super) fn jumps(rig: &Rig, drive: usize, axis: usize) -> usize {
     let resolution = rig.machine.drives[drive].scaling.resolution();
-    let limits = &rig.machine.axes[axis].limits;
+    let limits = &rig.machine.axes[axis].sent_limits;
     let cycle = rig.machine.cycle.as_secs_f64();
     let most = 1.1 * limits.jerk * cycle.powi(3) / resolution + 4.0;
     // While it follows them: bit 4 of the controlword.
