@@ -389,7 +389,8 @@ fn what_a_program_switches_is_on_the_trace() {
         "3,0,0,0,0",
         "3,0,0,0,2",
         "5,900,2,0,2",
-        "5,0,0,0,2",
+        // Switched off behind the arc of line 5, while the dwell of line 7 is served.
+        "7,0,0,0,2",
         "8,0,0,7,2",
         "9,0,0,7,2",
         "11,-50,1,7,2",

@@ -642,7 +642,7 @@ fn by_keys_on_a_terminal() {
     let other = folder.file("other.ngc", OTHER);
     let [log, commands] = ["day.log", "day.jsonl"].map(|name| folder.path(name));
     let options = format!(
-        "--candump {} --commands {}",
+        "--wait-for-plan --candump {} --commands {}",
         log.display(),
         commands.display()
     );
@@ -758,7 +758,7 @@ fn by_keys_at_a_portal() {
     );
     let [log, commands] = ["day.log", "day.jsonl"].map(|name| folder.path(name));
     let options = format!(
-        "--candump {} --commands {}",
+        "--wait-for-plan --candump {} --commands {}",
         log.display(),
         commands.display()
     );
