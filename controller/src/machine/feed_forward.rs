@@ -23,7 +23,21 @@ pub struct FeedForward {
 /// The rated torque of a motor, N·m: 6076h counts thousandths of it with 32 bits.
 const RATED: RangeInclusive<f64> = 0.01..=4e6;
 
+/// So many times its rated torque no plan takes: more is a slip of a figure.
+const MOST: f64 = 3.0;
+
 impl FeedForward {
+    /// What is beyond a motor of an axis with that greatest speed, rad/s, and acceleration, rad/s², and what it may be, N·m.
+    pub(super) fn excess(&self, speed: f64, acceleration: f64) -> Option<(&'static str, f64, f64)> {
+        let held = self.gravity.abs() + self.coulomb_friction;
+        let most = held + self.viscous_friction * speed + self.inertia * acceleration;
+        if held > self.rated_torque {
+            return Some(("to hold it up and break away", held, self.rated_torque));
+        }
+        let allowed = MOST * self.rated_torque;
+        (most > allowed).then_some(("at its greatest speed and acceleration", most, allowed))
+    }
+
     /// What 6076h has to read, thousandths of N·m.
     pub(super) fn rated(&self) -> u32 {
         (self.rated_torque * 1000.0).round() as u32

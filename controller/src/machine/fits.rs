@@ -4,6 +4,7 @@
 use super::compensation::CompensationTable;
 use super::encoder::OFTEN_ENOUGH;
 use super::{Axis, AxisLimits, Drive, HomingMethod, Machine, Motion, POLL};
+use std::f64::consts::TAU;
 use std::ops::Range;
 use std::time::Duration;
 use syncline_drives::model::{self, Ability, Increments, Model, Monitoring, Scaling, Setpoints};
@@ -282,7 +283,24 @@ pub(super) fn check_feed_forward(log: &mut Log<'_>, machine: &Machine, places: &
     for ((index, drive), place) in machine.drives.iter().enumerate().zip(places) {
         let axis = &machine.axes[drive.axis];
         let can = drive.model.abilities.contains(&Ability::TorqueOffset);
-        if axis.feed_forward.is_none() || !can || machine.device(index).takes_torque() {
+        let Some(feed_forward) = axis.feed_forward.filter(|_| can) else {
+            continue;
+        };
+        let radians = TAU / axis.mm_per_revolution;
+        let limits = axis.stated_limits();
+        let excess = feed_forward.excess(limits.velocity * radians, limits.acceleration * radians);
+        if let Some((when, torque, allowed)) = excess {
+            log.report(
+                place.clone(),
+                format!(
+                    "axis \"{}\": by its `feed_forward` drive \"{}\" takes {torque:.3} N·m {when}",
+                    axis.name(),
+                    drive.name,
+                ),
+                format!("allowed: up to {allowed:.3} N·m, by the `rated_torque` of its motor"),
+            );
+        }
+        if machine.device(index).takes_torque() {
             continue;
         }
         log.report(

@@ -94,8 +94,7 @@ impl Cia402Csp {
 
 /// Setpoints and limits are the controller's, too; tuning is the user's.
 fn reserved(address: Address) -> bool {
-    generic::reserved(address)
-        || matches!(address.index, 0x6065 | 0x607A | 0x607D | 0x60B2 | 0x60C1)
+    generic::reserved(address) || matches!(address.index, 0x6065 | 0x607A | 0x607D | 0x60C1)
 }
 
 /// What the bytes of its EMCY mean is the maker's affair, and nobody knows who that is.

@@ -126,6 +126,23 @@ impl Mapping {
         Frame::new(cob_id, &word.to_le_bytes()[..self.bytes().into()])
     }
 
+    /// A frame's data with 0 in place of an object that is needed.
+    pub(super) fn without(&self, address: Address, data: &[u8]) -> [u8; 8] {
+        let mut word = [0; 8];
+        let length = data.len().min(8);
+        word[..length].copy_from_slice(&data[..length]);
+        let mut bits = u64::from_le_bytes(word);
+        for (&place, object) in self.places.iter().zip(&self.needed) {
+            if object.address == address {
+                let mask = u64::MAX
+                    .checked_shr(64 - u32::from(object.bits))
+                    .unwrap_or(0);
+                bits &= !mask.checked_shl(place).unwrap_or(0);
+            }
+        }
+        bits.to_le_bytes()
+    }
+
     /// Maps it while it is off; nothing where the maker has.
     pub(super) fn writes(&self) -> Vec<Write> {
         if self.is_fixed {

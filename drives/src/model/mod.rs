@@ -56,7 +56,7 @@ use core::{
     time::Duration,
 };
 use std::sync::Arc;
-use syncline_canopen::{NodeId, dictionary::Entry};
+use syncline_canopen::{CanId, Frame, NodeId, dictionary::Entry};
 
 /// Every model that a machine file may name, in the order in which messages list them.
 pub static MODELS: &[&Model] = &[
@@ -201,6 +201,19 @@ impl Device {
             .filter(|it| it.is_received())
             .flat_map(Mapping::needed);
         self.drive().is_some() && objects.any(|it| it == profile::cia402::TORQUE_OFFSET)
+    }
+
+    /// An R_PDO of a drive that is [sent torques](Self::takes_torque) without its torque; `None` if the frame is none.
+    #[must_use]
+    pub fn without_torque(&self, frame: &Frame) -> Option<Frame> {
+        if !self.takes_torque() {
+            return None;
+        }
+        let received = self.mapped().into_iter().filter(|it| it.is_received());
+        let mut r_pdos = self.spec().r_pdos.iter().zip(received);
+        let (r_pdo, mapping) = r_pdos.find(|(it, _)| frame.id() == CanId::from(it.cob_id))?;
+        let data = mapping.without(profile::cia402::TORQUE_OFFSET, frame.data());
+        Some(Frame::new(r_pdo.cob_id, &data[..frame.data().len()]))
     }
 
     /// Its inputs and outputs, if its PDOs carry them.

@@ -1,5 +1,9 @@
 //! Torques that drives are sent with their setpoints.
 
+use std::io::Write;
+use std::process::Stdio;
+use std::thread;
+use std::time::Duration;
 use syncline_canopen::cia402::{Controlword, State, Statusword};
 use syncline_canopen::{CanId, CobId, NodeId};
 use syncline_controller::control::{End, Fault};
@@ -203,4 +207,70 @@ fn what_is_identified_can_be_sent() {
             "{line}: {is} in place of {expected}"
         );
     }
+}
+
+/// A slip of a figure is refused before an axis jumps as it is enabled, or as it speeds up.
+#[test]
+fn what_no_motor_takes_is_refused() {
+    let folder = Folder::new();
+    for (figures, told) in [
+        ("inertia = 5e-4", None),
+        (
+            "gravity = -2.9, coulomb_friction = 0.2",
+            Some("takes 3.100 N·m to hold it up and break away"),
+        ),
+        (
+            "inertia = 8e-3",
+            Some("takes 12.566 N·m at its greatest speed and acceleration"),
+        ),
+    ] {
+        let axis =
+            format!("max_velocity = 800.0\nfeed_forward = {{ rated_torque = 3.0, {figures} }}");
+        let text = machine_with("csp", &[("max_velocity = 800.0", &axis)]);
+        let loaded = Machine::load(&folder.file("machine.toml", &text));
+        match (loaded, told) {
+            (Ok(_), None) => {}
+            (Err(wrong), Some(told)) => {
+                let wrong = wrong.to_string();
+                assert!(wrong.contains(told), "{told}\n{wrong}");
+            }
+            (loaded, told) => panic!("{figures}: {told:?}, {:?}", loaded.map(|_| ())),
+        }
+    }
+}
+
+/// Where the path comes to rest the torque changes once more: that is no motion to who looks into the frames for how long an
+/// operator paused.
+#[test]
+fn a_pause_is_found_in_the_frames_although_torques_go_with_them() {
+    let folder = Folder::new();
+    let axis = format!(
+        "max_velocity = 800.0\nsimulation = {PLANT}\n{}",
+        feed_forward()
+    );
+    let text = machine_with("csp", &[("max_velocity = 800.0", &axis), WINDOWS]);
+    let machine = folder.file("machine.toml", &text);
+    let program = folder.file("part.ngc", "G1 X10 Y10 F3000\nM0\nX20 Y30\nM0\nX0 Y0\nM2\n");
+    let log = folder.path("log");
+    let mut command = syncline();
+    command
+        .args(["run", "--wait-for-plan"])
+        .args([&machine, &program]);
+    command.arg("--candump").arg(&log);
+    command
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
+    let mut run = command.spawn().unwrap();
+    let mut operator = run.stdin.take().unwrap();
+    for _ in 0..2 {
+        thread::sleep(Duration::from_secs(2));
+        operator.write_all(b"\n").unwrap();
+    }
+    assert!(run.wait().unwrap().success());
+    let mut command = syncline();
+    command.arg("replay").arg(&log).args([&machine, &program]);
+    let output = command.output().unwrap();
+    let (code, told, errors) = ended(&output);
+    assert_eq!(code, 0, "{told}{errors}");
 }

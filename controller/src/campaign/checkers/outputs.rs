@@ -554,9 +554,13 @@ impl Outputs {
             }
             _ => {}
         }
-        // A job takes over what was switched by hand before it.
+        // A job takes over what was switched by hand before it, also where axes are homed between.
         let begins = self.job.is_none() && matches!(state, State::Running | State::Mdi);
-        if !begins && !matches!(state, State::Ready | State::Jogging | State::Held) {
+        let stays = matches!(
+            state,
+            State::Ready | State::Jogging | State::Held | State::Homing
+        );
+        if !begins && !stays {
             for output in &mut self.outputs {
                 output.by_hand = None;
             }

@@ -64,7 +64,13 @@ impl Recording {
             if ended || trial.paused {
                 return Ok(0);
             }
-            if trial.burst != state.burst {
+            let aims = |of: &State| {
+                of.burst
+                    .iter()
+                    .map(|it| self.log.aim(*it))
+                    .collect::<Vec<_>>()
+            };
+            if aims(&trial) != aims(state) {
                 return Ok((still as u64).saturating_sub(cycles));
             }
         }

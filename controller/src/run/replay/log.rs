@@ -95,6 +95,13 @@ impl Log {
         self.frames.partition_point(|it| it.at <= at)
     }
 
+    /// A setpoint without the torque that a drive is sent with it: where the path comes to rest that changes once more.
+    pub(super) fn aim(&self, frame: Frame) -> Frame {
+        let mut devices = self.layout.devices.iter();
+        let aim = devices.find_map(|it| it.device.without_torque(&frame));
+        aim.unwrap_or(frame)
+    }
+
     /// When the first setpoint from `place` on is another than the one before it.
     pub(super) fn next_change(&self, place: usize) -> Option<Instant> {
         let mut last: BTreeMap<(usize, u32), Frame> = BTreeMap::new();
@@ -104,6 +111,7 @@ impl Log {
                 continue;
             }
             let Logged { bus, frame, .. } = *logged;
+            let frame = self.aim(frame);
             let before = last.insert((bus, frame.id().raw()), frame);
             if index >= place && before.is_some_and(|before| before != frame) {
                 return Some(logged.at);
