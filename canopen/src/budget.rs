@@ -24,10 +24,10 @@
 //! **Load** tells how full a cycle can get: all that can be queued in one. It is what a measurement of
 //! the busiest cycle is to be held against, and decides nothing.
 //!
-//! Heartbeats count as if all came at once. To spread them by offset bounds nothing: what a master writes is their period
+//! Heartbeats count as if all came at once. Offsets would bound nothing: a master can write only a heartbeat's period
 //! (1017h), and each node counts it by an oscillator of its own from an instant of its own. At 50 ppm apart two of them
-//! drift by a cycle of 2 ms in 40 s, and periods that differ meet at their beat. Their
-//! number does not touch the deadlines, as only one can block at a place; it is in the load.
+//! drift by a cycle of 2 ms in 40 s, and periods that differ meet at their beat. How
+//! many heartbeats there are does not touch the deadlines, as only one can block at a place; it is in the load.
 //!
 //! Tried before: releasing all frames with SYNC and one blocking frame a cycle. That is no bound,
 //! since a heartbeat can stand before SYNC, another one before the T_PDOs and a third before the

@@ -125,8 +125,7 @@ impl Producer {
     }
 
     /// Whether a message waits for its time.
-    #[must_use]
-    pub fn waits(&self) -> bool {
+    pub(crate) fn waits(&self) -> bool {
         self.waiting > 0
     }
 

@@ -352,7 +352,7 @@ impl Communication {
 
     /// Sends the emergencies that have waited long enough, and the T_PDOs that an event or their
     /// event timer asks for.
-    /// Whether there may have been something to send.
+    /// Returns whether there may have been something to send.
     pub(super) fn send_events(
         &mut self,
         now: Instant,

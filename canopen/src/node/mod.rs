@@ -404,8 +404,8 @@ impl LocalNode {
         self.settle(now, app, tx);
     }
 
-    /// Takes a frame from the bus, whoever it is for. Whether it did anything: while it did not, nothing is to be sent, and
-    /// [`Self::deadline`] stays.
+    /// Takes a frame from the bus, whoever it is for. Returns whether it did anything: while it did not, nothing is to be sent,
+    /// and [`Self::deadline`] stays.
     pub fn on_frame(
         &mut self,
         now: Instant,
@@ -482,7 +482,7 @@ impl LocalNode {
         self.settle(now, app, tx);
     }
 
-    /// Sends what the application wants said after a frame or a point in time. Whether there may have been something.
+    /// Sends what the application wants said after a frame or a point in time. Returns whether there may have been something.
     fn settle(
         &mut self,
         now: Instant,

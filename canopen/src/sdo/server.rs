@@ -168,8 +168,7 @@ impl Server {
     }
 
     /// Whether frames with that identifier are requests to it.
-    #[must_use]
-    pub fn is_request(&self, id: CanId) -> bool {
+    pub(crate) fn is_request(&self, id: CanId) -> bool {
         let channel = self.channel;
         channel.is_some_and(|(request, _)| id == CanId::from(request))
     }

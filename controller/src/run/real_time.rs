@@ -15,8 +15,9 @@
 //! SYNC leaves in every cycle, whatever the planner does: what was planned ends at rest, and a path that
 //! rests for long without a plan is a fault ([`NoPlan`](crate::control::Fault::NoPlan)). On the host's clock the cycle
 //! waits for nobody. Where every bus is simulated its time goes with the cycle, which looks for the plan
-//! until half of the time from the setpoints to the next SYNC is over: a plan that comes as soon as that is there in the cycle in which it
-//! would be in virtual time, and one that comes later only makes the machine rest for longer before it.
+//! until half of the time from the setpoints to the next SYNC is over. A plan that has come by then takes effect in the same cycle as
+//! in virtual time. One that comes later makes the machine rest for longer before it; while the path moves, it comes to rest
+//! where its plan ends, and goes on from there.
 //!
 //! Whoever needs the frames of virtual time on every host has such a machine's time stand still for the
 //! planner ([`Timing::waits_for_plan`]); orders are heard meanwhile. It waits for at most `PLAN_PATIENCE` for

@@ -253,7 +253,13 @@ impl Drive {
         ) {
             return;
         }
-        cascade.offset_torque(self.settings.torque_offset * rated);
+        let runs = self.settings.mode == self.mode;
+        let offset = if runs {
+            self.settings.torque_offset
+        } else {
+            0.0
+        };
+        cascade.offset_torque(offset * rated);
     }
 
     /// Another mode than the one that follows setpoints: what moves comes to rest.
