@@ -540,7 +540,9 @@ impl Recorded {
     fn attended(lines: &str) -> Self {
         let recorded = Self::new();
         let mut console = Command::new(SYNCLINE);
-        console.args(["console", "--lines"]).arg(&recorded.machine);
+        console
+            .args(["console", "--lines", "--wait-for-plan"])
+            .arg(&recorded.machine);
         console.arg("--candump").arg(&recorded.log);
         console.arg("--commands").arg(recorded.commands());
         console
