@@ -136,7 +136,7 @@ impl AxisTable {
         let standstill = table.positive_or(log, "standstill_window", 0.1, position);
         let mut asked = fits::asked(log, &mut table);
         let feed_forward = feed_forward::read(log, &mut table).map(|(read, span)| {
-            asked.push(Asked::new(feed_forward::KEY, feed_forward::ABILITY, span));
+            asked.push(Asked::new(feed_forward::KEY, Ability::TorqueOffset, span));
             read
         });
         let limits = || {

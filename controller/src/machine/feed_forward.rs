@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 use std::ops::{Range, RangeInclusive};
-use syncline_drives::model::Ability;
 use syncline_strict_toml::{Log, Table};
+use toml::Spanned;
 
 /// What a motor takes to move its axis, at its shaft; of a gantry each of both. As [`identify`](crate::identify) finds it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -19,6 +19,9 @@ pub struct FeedForward {
     /// The torque that holds the axis against gravity, N·m: positive where it pushes in the axis's positive direction.
     pub gravity: f64,
 }
+
+/// The key.
+pub(super) const KEY: &str = "feed_forward";
 
 /// The rated torque of a motor, N·m: 6076h counts thousandths of it with 32 bits.
 const RATED: RangeInclusive<f64> = 0.01..=4e6;
@@ -54,15 +57,13 @@ pub(super) fn read(
     let span = axis.span_of(KEY)?;
     table.title = format!("{}: {KEY}", axis.title);
     let mut number = |key, default: Option<f64>, range: RangeInclusive<f64>, unit: &str| {
-        let (least, most) = (range.start(), range.end());
-        let allowed = format!("a number from {least} to {most} {unit}");
+        let allowed = format!("a number from {} to {} {unit}", range.start(), range.end());
         let accept = |number: f64| range.contains(&number);
-        match default {
-            None => Some(table.number(log, key, &allowed, accept)?.into_inner()),
-            Some(default) => Some(
-                (table.number_if(log, key, &allowed, accept)).map_or(default, |it| it.into_inner()),
-            ),
-        }
+        let found = match default {
+            None => table.number(log, key, &allowed, accept),
+            Some(_) => table.number_if(log, key, &allowed, accept),
+        };
+        found.map(Spanned::into_inner).or(default)
     };
     let rated_torque = number("rated_torque", None, RATED, "(N·m)");
     let inertia = number(
@@ -84,7 +85,3 @@ pub(super) fn read(
     };
     Some((feed_forward, span))
 }
-
-/// The key, and what it asks of the drives.
-pub(super) const KEY: &str = "feed_forward";
-pub(super) const ABILITY: Ability = Ability::TorqueOffset;

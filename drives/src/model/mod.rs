@@ -203,12 +203,9 @@ impl Device {
         self.drive().is_some() && objects.any(|it| it == profile::cia402::TORQUE_OFFSET)
     }
 
-    /// An R_PDO of a drive that is [sent torques](Self::takes_torque) without its torque; `None` if the frame is none.
+    /// An R_PDO of it without the torque that it brings, if it does; `None` if the frame is none.
     #[must_use]
     pub fn without_torque(&self, frame: &Frame) -> Option<Frame> {
-        if !self.takes_torque() {
-            return None;
-        }
         let received = self.mapped().into_iter().filter(|it| it.is_received());
         let mut r_pdos = self.spec().r_pdos.iter().zip(received);
         let (r_pdo, mapping) = r_pdos.find(|(it, _)| frame.id() == CanId::from(it.cob_id))?;

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
 use std::ops::RangeInclusive;
 use syncline_drives::model::{Ability, Address, Assumed, MODELS, Model};
+use syncline_drives::twin::servo::motor::{MOTORS, Motor};
 
 /// CiA 402's quick stop ramp, increments/s². As a drive leaves the factory it may be steeper than many a motor
 /// can follow, so who sets up a machine writes what the axis takes, where the controller does not.
@@ -247,11 +248,9 @@ impl AxisSpec {
             return;
         }
         let simulation = self.simulation.as_deref().unwrap_or_default();
-        let motors = [("generic-3", 3.0), ("generic-6", 6.0), ("generic-12", 12.0)];
-        let named = motors
-            .iter()
-            .find(|(name, _)| simulation.contains(&format!("{name}\"")));
-        let rated = named.map_or(1.4, |(_, rated)| *rated);
+        let is_named = |motor: &&Motor| simulation.contains(&format!("\"{}\"", motor.name));
+        let motor = MOTORS.iter().find(is_named).copied();
+        let rated = motor.unwrap_or_default().continuous_torque;
         self.feed_forward = Some(format!(
             "rated_torque = {rated:?}, inertia = {}, coulomb_friction = {}",
             rounded(inertia, 6),

@@ -2,6 +2,7 @@
 
 use super::{Logged, NoReplay, ReplayBus};
 use crate::control::Layout;
+use crate::control::fault::DeviceIndex;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use syncline_canopen::response_time::bit_time;
@@ -21,9 +22,22 @@ pub(super) struct Log {
     pub(super) layout: Arc<Layout>,
     pub(super) buses: Vec<ReplayBus>,
     pub(super) frames: Vec<Logged>,
+    /// The devices that are sent torques with their setpoints.
+    torques: Vec<DeviceIndex>,
 }
 
 impl Log {
+    pub(super) fn new(layout: Arc<Layout>, buses: Vec<ReplayBus>, frames: Vec<Logged>) -> Self {
+        let devices = layout.devices.iter().enumerate();
+        let torques = devices.filter(|(_, it)| it.device.takes_torque());
+        Self {
+            torques: torques.map(|(index, _)| index).collect(),
+            layout,
+            buses,
+            frames,
+        }
+    }
+
     /// When the controller was first woken.
     pub(super) fn first_wake(&self) -> Result<Instant, NoReplay> {
         let cycle = self.layout.cycle.as_nanos() as i128;
@@ -97,8 +111,11 @@ impl Log {
 
     /// A setpoint without the torque that a drive is sent with it: where the path comes to rest that changes once more.
     pub(super) fn aim(&self, frame: Frame) -> Frame {
-        let mut devices = self.layout.devices.iter();
-        let aim = devices.find_map(|it| it.device.without_torque(&frame));
+        let mut devices = self
+            .torques
+            .iter()
+            .map(|it| &self.layout.devices[*it].device);
+        let aim = devices.find_map(|it| it.without_torque(&frame));
         aim.unwrap_or(frame)
     }
 
@@ -170,7 +187,7 @@ mod tests {
             let numbered = (before..).zip(&syncs);
             frames.extend(numbered.map(|(cycles, &late)| sent(Frame::new(CobId::SYNC, &[]), cycles, late)));
             let buses = vec![ReplayBus { bitrate, echoes: true, simulated: false }];
-            let found = Log { layout, buses, frames }.first_wake().unwrap();
+            let found = Log::new(layout, buses, frames).first_wake().unwrap();
             let least = syncs.iter().min().map_or(Duration::ZERO, |&late| late * cycle / 1000);
             prop_assert_eq!(
                 found.as_nanos() / 1000,

@@ -195,11 +195,7 @@ impl Replay {
         operators: Operators,
         frames: Vec<Logged>,
     ) -> Result<Self, NoReplay> {
-        let log = Log {
-            layout,
-            buses,
-            frames,
-        };
+        let log = Log::new(layout, buses, frames);
         Ok(Self {
             state: State::new(log.first_wake()?, &log.layout),
             recording: Recording {
