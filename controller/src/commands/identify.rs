@@ -332,14 +332,13 @@ impl Args {
         let file = MachineState::beside(&self.machine);
         let state = MachineState::load(&file)?;
         let layout = Arc::new(Layout::new(machine)?.recalling(machine, &state));
-        let timing = self.real_time.timing(machine);
         let verbose = self.verbose;
         let (timeline, moves) = RealTime::start(
             machine,
             &layout,
             buses.world,
             buses.ports,
-            timing,
+            buses.timing,
             program,
             move |granted| {
                 if verbose {

@@ -12,7 +12,7 @@ use crate::observe::frames::{SharedFrames, VIRTUAL_ORIGIN};
 use crate::port::{self, Ports, url};
 use crate::realtime;
 use crate::run::Progress;
-use crate::run::real_time::{RealTime, Timing};
+use crate::run::real_time::{Pace, RealTime, Timing};
 use crate::session::Session;
 use std::error::Error;
 use std::io;
@@ -50,8 +50,9 @@ pub(super) struct RealTimeArgs {
     spin: Duration,
 }
 
-/// A machine's buses, open.
+/// A machine's buses, open, and how the cycle on them treats time.
 pub(super) struct Buses {
+    pub(super) timing: Timing,
     pub(super) world: World,
     pub(super) ports: Ports,
     pub(super) written: Written,
@@ -64,21 +65,36 @@ pub(super) fn lockstep(machine: &Machine) -> bool {
 
 impl RealTimeArgs {
     /// How the cycle of a machine treats time.
-    pub(super) fn timing(&self, machine: &Machine) -> Timing {
-        Timing {
+    ///
+    /// # Errors
+    /// Time is to stand still where a bus is real.
+    fn timing(&self, machine: &Machine) -> Result<Timing, String> {
+        let pace = match (lockstep(machine), self.wait_for_plan) {
+            (true, true) => Pace::LockstepWithPlanner,
+            (true, false) => Pace::Lockstep,
+            (false, false) => Pace::HostClock,
+            (false, true) => {
+                return Err(
+                    "--wait-for-plan has time stand still, which no real bus does: leave it out, \
+                     or make `port` of every bus \"sim\""
+                        .to_owned(),
+                );
+            }
+        };
+        Ok(Timing {
             settings: realtime::Settings {
                 priority: self.priority,
                 core: self.core.or_else(realtime::last_core),
             },
             spin: self.spin,
-            lockstep: lockstep(machine),
+            pace,
             strict: self.strict,
-            waits_for_plan: self.wait_for_plan,
-        }
+        })
     }
 
     /// Opens the buses of a machine, and begins their logs.
     pub(super) fn open(&self, machine: &Machine, logs: Logs) -> Result<Buses, Box<dyn Error>> {
+        let timing = self.timing(machine)?;
         let frames = SharedFrames::new(machine);
         let mut listeners = logs.listeners();
         let mut observers: Vec<Observer> = Vec::with_capacity(machine.buses.len());
@@ -99,6 +115,7 @@ impl RealTimeArgs {
         let mut writers = Writers::default();
         logs.record(machine, &frames, &mut listeners, &mut writers)?;
         Ok(Buses {
+            timing,
             world,
             ports,
             written: Written {

@@ -186,12 +186,12 @@ impl Run<'_> {
         commands: Option<Target>,
     ) -> Result<Exit, Box<dyn Error>> {
         let Buses {
+            timing,
             world,
             ports,
             mut written,
         } = buses;
         let lockstep = lockstep(&self.machine);
-        let timing = self.args.real_time.timing(&self.machine);
         let trace = self.results.trace_by(&mut written.writers)?;
         let sent = lockstep.then(|| written.frames.listen(&self.machine));
         let extent = (!program.streams()).then_some(self.extent);

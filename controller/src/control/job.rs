@@ -263,6 +263,15 @@ impl<const N: usize> Controller<N> {
         }
     }
 
+    /// Whether the path rests for want of a plan, or another one was asked for.
+    #[must_use]
+    pub fn lacks_plan(&self) -> bool {
+        let lacks = self.beside_path.awaits_plan()
+            || self.executor.wants_plan()
+            || self.executor.replan_request().is_some();
+        self.takes_plan() && lacks
+    }
+
     /// While it stops: the way to rest, and nothing beyond. A homing comes before the job; a probing and a thread have no
     /// plan.
     pub(super) fn takes_plan(&self) -> bool {

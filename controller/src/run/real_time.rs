@@ -14,13 +14,14 @@
 //!
 //! SYNC leaves in every cycle, whatever the planner does: what was planned ends at rest, and a path that
 //! rests for long without a plan is a fault ([`NoPlan`](crate::control::Fault::NoPlan)). On the host's clock the cycle
-//! waits for nobody. Where every bus is simulated its time goes with the cycle, which looks for the plan
+//! waits for nobody. Where every bus is simulated its time goes with the cycle, which, while the path rests for want of
+//! a plan or another one was asked for, looks for it
 //! until half of the time from the setpoints to the next SYNC is over. A plan that has come by then takes effect in the same cycle as
 //! in virtual time. One that comes later makes the machine rest for longer before it; while the path moves, it comes to rest
 //! where its plan ends, and goes on from there.
 //!
 //! Whoever needs the frames of virtual time on every host has such a machine's time stand still for the
-//! planner ([`Timing::waits_for_plan`]); orders are heard meanwhile. It waits for at most `PLAN_PATIENCE` for
+//! planner ([`Pace::LockstepWithPlanner`]); orders are heard meanwhile. It waits for at most `PLAN_PATIENCE` for
 //! an instruction and, once it is to stop, for at most `PATIENCE`, each time anew: then SYNC goes on.
 //!
 //! A simulated machine waits for whoever takes its reports for at most `REPORT_PATIENCE`, until they are taken
@@ -71,6 +72,25 @@ const PATIENCE: Duration = Duration::from_millis(200);
 /// How long it waits for who takes its reports, until they are taken again.
 const REPORT_PATIENCE: Duration = Duration::from_secs(1);
 
+/// Whose time the machine's is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pace {
+    /// The host's.
+    HostClock,
+    /// The cycle's, as every bus is simulated: a late wake-up delays controller and drives together.
+    Lockstep,
+    /// The same, and time stands still while the planner works.
+    LockstepWithPlanner,
+}
+
+impl Pace {
+    /// Whether the machine's time goes with the cycle.
+    #[must_use]
+    pub fn is_lockstep(self) -> bool {
+        self != Self::HostClock
+    }
+}
+
 /// How the cycle treats time.
 #[derive(Clone, Copy, Debug)]
 pub struct Timing {
@@ -78,12 +98,10 @@ pub struct Timing {
     pub settings: realtime::Settings,
     /// Time before each wake-up that is spent spinning.
     pub spin: Duration,
-    /// Every bus is simulated: its time goes with the cycle, and a late wake-up delays both.
-    pub lockstep: bool,
+    /// Whose time the machine's is.
+    pub pace: Pace,
     /// A late wake-up is a fault.
     pub strict: bool,
-    /// In `lockstep`, its time stands still while the planner works.
-    pub waits_for_plan: bool,
 }
 
 /// What the cycle measured.
@@ -93,7 +111,7 @@ pub struct Measured {
     pub wake_up: Distribution,
     /// |From SYNC to SYNC − cycle|.
     pub sync_jitter: Distribution,
-    /// From waking up for the setpoints until they are sent.
+    /// From waking up for the setpoints until they are sent, without the time for which the plan is waited for.
     pub compute: Distribution,
     /// Wake-ups later than [`late_after`].
     pub late: u64,
@@ -248,7 +266,7 @@ impl Cycle {
         let begin = realtime::now() + self.period;
         // Where the simulated machine's time stands on the host's clock.
         let mut origin = Duration::ZERO;
-        if self.timing.lockstep {
+        if self.timing.pace.is_lockstep() {
             origin = Duration::from_nanos(begin.as_nanos());
         } else {
             self.driver.controller.begin_at(begin);
@@ -272,26 +290,29 @@ impl Cycle {
                     Stage::WakeUp
                 };
                 self.measured.late_by[stage as usize] += 1;
-                if self.timing.lockstep {
+                if self.timing.pace.is_lockstep() {
                     origin += late;
                 }
                 if self.timing.strict {
                     self.driver.controller.woke_late(late);
                 }
             }
-            let now = if self.timing.lockstep {
+            let now = if self.timing.pace.is_lockstep() {
                 next.at()
             } else {
                 woke
             };
             let setpoints = self.driver.setpoints_are_next();
+            let mut waited = Duration::ZERO;
             if setpoints {
                 self.obey();
-                if self.timing.lockstep {
-                    let waited = self.take_plan(usize::MAX, due + self.slack);
-                    if self.timing.waits_for_plan {
-                        origin += waited;
-                    }
+                waited = match self.timing.pace {
+                    Pace::HostClock => Duration::ZERO,
+                    Pace::Lockstep => self.look_for_plan(due + self.slack),
+                    Pace::LockstepWithPlanner => self.wait_for_plan(),
+                };
+                if self.timing.pace == Pace::LockstepWithPlanner {
+                    origin += waited;
                 }
             }
             let begun = realtime::now();
@@ -319,14 +340,14 @@ impl Cycle {
                 self.report(CycleReport::BusFailed(error));
             }
             if setpoints {
-                self.measured
-                    .compute
-                    .record(over.saturating_since(woke), woke);
+                let took = over.saturating_since(woke).saturating_sub(waited);
+                self.measured.compute.record(took, woke);
                 self.report_all();
                 self.driver.push_tool();
                 // Behind the setpoints, which nothing is to delay.
-                if !self.timing.lockstep {
-                    self.take_plan(TAKEN_AT_ONCE, woke);
+                if !self.timing.pace.is_lockstep() {
+                    self.ask_planner();
+                    self.take_plan(TAKEN_AT_ONCE);
                 }
             } else if let Some(last) = last_sync.replace(woke) {
                 let jitter = woke.saturating_since(last).abs_diff(self.period);
@@ -354,49 +375,66 @@ impl Cycle {
         }
     }
 
-    /// Fills the controller's plan with `most` instructions at most. A simulated machine looks for them
-    /// until it is full or it is `until`, or for as long as it has patience; returns how long it waited.
-    fn take_plan(&mut self, most: usize, until: Instant) -> Duration {
-        let mut waited = Duration::ZERO;
+    /// Takes what has come of the plan, at most so many instructions and what there is room for; whether any came.
+    fn take_plan(&mut self, most: usize) -> bool {
         let mut taken = 0;
+        while taken < most && self.driver.controller.room() > 0 {
+            let Ok((number, instruction)) = self.instructions.pop() else {
+                break;
+            };
+            // What is left of a job that is over is of no use.
+            let job = self.driver.controller.job();
+            if job.is_some_and(|job| job.number == number) {
+                self.driver.controller.accept(instruction);
+            }
+            taken += 1;
+            self.ask_planner();
+        }
+        taken > 0
+    }
+
+    /// Fills the controller's plan with what has come, and looks for more while it lacks one and it is not `until`; how long
+    /// that was waited for.
+    fn look_for_plan(&mut self, until: Instant) -> Duration {
+        let begun = realtime::now();
+        self.ask_planner();
+        self.take_plan(usize::MAX);
+        let mut now = begun;
+        while self.driver.controller.lacks_plan() && now < until {
+            thread::sleep(NAP.min(until.saturating_since(now)));
+            self.obey();
+            self.ask_planner();
+            self.take_plan(usize::MAX);
+            now = realtime::now();
+        }
+        now.saturating_since(begun)
+    }
+
+    /// Fills the controller's plan, and waits until it is full for as long as it has patience; how long that was.
+    fn wait_for_plan(&mut self) -> Duration {
+        let begun = realtime::now();
         if self.driver.controller.phase() != Phase::Stop {
             self.patience = PATIENCE;
         }
-        self.ask_planner();
-        while taken < most && self.driver.controller.room() > 0 {
+        let mut now = begun;
+        loop {
             self.ask_planner();
-            match self.instructions.pop() {
-                Ok((number, instruction)) => {
-                    // What is left of a job that is over is of no use.
-                    let job = self.driver.controller.job();
-                    if job.is_some_and(|job| job.number == number) {
-                        self.driver.controller.accept(instruction);
-                    }
-                    self.plan_patience = PLAN_PATIENCE;
-                    taken += 1;
-                }
-                // Interrupted if the other side is gone, so that this ends.
-                Err(_) if self.waits(until) => {
-                    thread::sleep(NAP);
-                    waited += NAP;
-                    self.plan_patience = self.plan_patience.saturating_sub(NAP);
-                    if self.driver.controller.phase() == Phase::Stop {
-                        self.patience = self.patience.saturating_sub(NAP);
-                    }
-                    self.obey();
-                }
-                Err(_) => break,
+            if self.take_plan(usize::MAX) {
+                self.plan_patience = PLAN_PATIENCE;
             }
-        }
-        waited
-    }
-
-    fn waits(&self, until: Instant) -> bool {
-        match self.timing.waits_for_plan {
-            true => {
-                self.timing.lockstep && !self.plan_patience.is_zero() && !self.patience.is_zero()
+            let patient = !self.plan_patience.is_zero() && !self.patience.is_zero();
+            if self.driver.controller.room() == 0 || !patient {
+                return now.saturating_since(begun);
             }
-            false => self.timing.lockstep && realtime::now() < until,
+            // Interrupted if the other side is gone, so that this ends.
+            thread::sleep(NAP);
+            let napped = realtime::now().saturating_since(now);
+            now = realtime::now();
+            self.plan_patience = self.plan_patience.saturating_sub(napped);
+            if self.driver.controller.phase() == Phase::Stop {
+                self.patience = self.patience.saturating_sub(napped);
+            }
+            self.obey();
         }
     }
 
@@ -469,7 +507,7 @@ impl Cycle {
         };
         let mut waited = false;
         while self.reports.slots() <= kept_free {
-            let waits = self.timing.lockstep && self.report_patience > Duration::ZERO;
+            let waits = self.timing.pace.is_lockstep() && self.report_patience > Duration::ZERO;
             if !waits || self.reports.is_abandoned() {
                 self.measured.lost += 1;
                 return;
@@ -678,5 +716,7 @@ impl Timeline for RealTime {
     }
 }
 
+#[cfg(test)]
+mod slow_planner;
 #[cfg(test)]
 mod tests;

@@ -13,7 +13,7 @@ use syncline_controller::port::sim::{self, SimPort, Simulated};
 use syncline_controller::port::{Port, PortError};
 use syncline_controller::realtime;
 use syncline_controller::run::driver::Driver;
-use syncline_controller::run::real_time::{Cycle, Timing};
+use syncline_controller::run::real_time::{Cycle, Pace, Timing};
 use syncline_drives::twin::Config;
 use syncline_drives::world::{BusId, Observer, World};
 
@@ -294,9 +294,8 @@ fn the_stage_that_made_a_wake_up_late_is_told() {
             core: None,
         },
         spin: Duration::ZERO,
-        lockstep: true,
+        pace: Pace::Lockstep,
         strict: false,
-        waits_for_plan: false,
     };
     let (cycle, link, instructions) = Cycle::new(&layout, world, vec![Box::new(slow)], timing);
     // Nobody is there: it begins its way down at once.

@@ -178,6 +178,8 @@ fn files_and_buses_that_are_not_there() {
     assert!(complaint.contains("no bus `gantry`"), "{complaint}");
     let complaint = refusal(&machine, &program, &["--bus", "nocan17"]);
     assert!(complaint.contains("nocan17"), "{complaint}");
+    let complaint = refusal(&machine, &program, &["--bus", "nocan17", "--wait-for-plan"]);
+    assert!(complaint.contains("no real bus does"), "{complaint}");
     for option in ["--trace", "--json", "--report"] {
         let complaint = refusal(&machine, &program, &[option, "/no/such/folder/file"]);
         assert!(

@@ -89,11 +89,11 @@ impl Args {
         let logs = self.log.open(&mut claims)?;
         let commands = self.commands.open(&mut claims)?;
         let Buses {
+            timing,
             world,
             ports,
             mut written,
         } = self.real_time.open(&machine, logs)?;
-        let timing = self.real_time.timing(&machine);
         let (started, granted) = mpsc::channel();
         let timeline =
             RealTime::stay_on(&machine, &layout, world, ports, timing, move |granted| {

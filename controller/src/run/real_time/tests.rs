@@ -8,15 +8,14 @@ use std::path::Path;
 use syncline_drives::world::Observer;
 use syncline_trajectory::path::Executor;
 
-const TIMING: Timing = Timing {
+pub(super) const TIMING: Timing = Timing {
     settings: realtime::Settings {
         priority: 1,
         core: None,
     },
     spin: Duration::ZERO,
-    lockstep: true,
+    pace: Pace::LockstepWithPlanner,
     strict: false,
-    waits_for_plan: true,
 };
 
 /// A simulated portal.
@@ -38,7 +37,7 @@ fn portal() -> (Machine, Arc<Layout>, World, Ports) {
 fn a_simulated_machine_goes_on_without_an_answer_of_its_planner() {
     assert!(!goes_on_without_a_plan(TIMING), "it waits");
     let timing = Timing {
-        waits_for_plan: false,
+        pace: Pace::Lockstep,
         ..TIMING
     };
     assert!(goes_on_without_a_plan(timing), "it does not wait");
