@@ -6,7 +6,7 @@
 //! order of time, so that no bus runs ahead of another. There is one owner and no lock.
 //!
 //! A shaft that nothing couples moves with the speed loop of its own drive. Shafts that are
-//! [coupled](World::couple) move on the world's grid: at each of its points every coupled device
+//! [coupled](Ties::couple) move on the world's grid: at each of its points every coupled device
 //! runs its loops up to there, the mechanics take the loads of the step behind, and the shafts are
 //! told where they are. In between a drive reads its shaft extrapolated; the error of that is
 //! stated in [`mechanics`](crate::mechanics).
@@ -35,19 +35,17 @@
 mod dc_link;
 mod enable_chain;
 mod probe;
+mod ties;
 
 use crate::bus::{Band, BitRate, BusNode, Received, SimBus, Transmission};
-use crate::mechanics::{Load, Mechanics, Motion};
 use crate::twin::SimulatedDevice;
-use crate::twin::servo::shaft::Shaft;
-use dc_link::DcLink;
-use enable_chain::Chain;
-use probe::Probing;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Frame, Instant, NodeId, Transmit};
+use ties::{Couplings, Devices};
 
 pub use enable_chain::EnableChain;
 pub use probe::{FittedProbe, ProbeDrive, ProbeWire};
+pub use ties::Ties;
 
 /// Between two points of the grid on which coupled shafts move: a nominal step of a speed loop.
 pub const GRID: Duration = Duration::from_nanos(62_500);
@@ -123,45 +121,12 @@ impl World {
         DeviceId { bus: bus.0, place }
     }
 
-    /// Ties the shafts of these devices together, before time passes. The mechanics are told the
-    /// motions of `watched` shafts too, behind those of the others, and do not move them.
-    ///
-    /// # Panics
-    /// If one of them has no shaft.
-    pub fn couple(
-        &mut self,
-        mechanics: impl Mechanics + 'static,
-        devices: &[DeviceId],
-        watched: &[DeviceId],
-    ) {
-        let coupling = Coupling::new(Box::new(mechanics), devices, watched);
-        self.couplings.add(coupling, &mut self.buses[..]);
+    /// What ties its devices together beside their buses, to be added to before time passes.
+    pub fn ties(&mut self) -> Ties<'_> {
+        Ties::new(&mut self.couplings, &mut self.buses)
     }
 
-    /// Turns the shaft of one device with the load of another, `ratio` times as far as its motor does,
-    /// before time passes: an encoder on the axis. It takes no torque.
-    ///
-    /// At each point of the world's grid it is where the load is, behind the motor by twist and play and
-    /// off by lead error and expansion; in between it goes on with the
-    /// velocity that it had, which under an acceleration `a` is wrong by at most `a h²/2` after `h`
-    /// seconds.
-    ///
-    /// # Panics
-    /// If one of them has no shaft.
-    pub fn follow(&mut self, follower: DeviceId, leader: DeviceId, ratio: f64) {
-        (self.couplings).follow(follower, leader, ratio, &mut self.buses[..]);
-    }
-
-    /// Turns the shaft of a device that no other one turns, before time passes: so many revolutions a second, whatever
-    /// happens.
-    ///
-    /// # Panics
-    /// If it has no shaft.
-    pub fn turn(&mut self, device: DeviceId, speed: f64) {
-        self.couplings.turn(device, speed, &mut self.buses[..]);
-    }
-
-    /// The coupling between a [follower](Self::follow) and its leader slips, or somebody [turns](Self::turn) the shaft by
+    /// The coupling between a [follower](Ties::follow) and its leader slips, or somebody [turns](Ties::turn) the shaft by
     /// hand besides: it jumps by so many revolutions.
     pub fn slip(&mut self, follower: DeviceId, by: f64) {
         for coupled in self.couplings.of(follower) {
@@ -169,7 +134,7 @@ impl World {
         }
     }
 
-    /// The coupling between a [follower](Self::follow) and its leader breaks: the follower's shaft
+    /// The coupling between a [follower](Ties::follow) and its leader breaks: the follower's shaft
     /// stays where it is.
     pub fn part(&mut self, follower: DeviceId) {
         let shaft = self.device_mut(follower).shaft_mut();
@@ -178,26 +143,6 @@ impl World {
             coupled.ratio = 0.0;
             coupled.zero = position;
         }
-    }
-
-    /// Fits a probe that touches work pieces, before time passes.
-    ///
-    /// # Panics
-    /// If a device that moves it has no shaft: once time passes.
-    pub fn fit_probe(&mut self, probe: FittedProbe) {
-        self.couplings.probes.push(Probing::new(probe));
-    }
-
-    /// Feeds power stages through a contactor that a device closes, before time passes. It is looked at at each point of the
-    /// world's grid.
-    pub fn feed_through(&mut self, chain: EnableChain) {
-        self.couplings.chains.push(Chain::new(chain));
-    }
-
-    /// Joins the DC buses of these drives, before time passes; of those that have a power stage. They have one voltage at each point
-    /// of the world's grid.
-    pub fn join_dc_buses(&mut self, devices: Vec<DeviceId>) {
-        self.couplings.links.push(DcLink { devices });
     }
 
     /// Pushes from now on at what a device moves, with a torque in N·m at its shaft; nothing at one that has no shaft.
@@ -223,7 +168,7 @@ impl World {
 
     /// A device, to interfere with it.
     pub fn device_mut(&mut self, device: DeviceId) -> &mut dyn SimulatedDevice {
-        self.buses[..].device_mut(device)
+        self.buses.device_mut(device)
     }
 
     // ---- the controller's side ----
@@ -280,7 +225,7 @@ impl World {
                 });
             });
         }
-        self.couplings.move_until(until, &mut self.buses[..]);
+        self.couplings.move_until(until, &mut self.buses);
     }
 }
 
@@ -303,55 +248,9 @@ impl Hosted {
         }
     }
 
-    /// Ties the shafts of the devices at these places together, as [`World::couple`] does.
-    ///
-    /// # Panics
-    /// If one of them has no shaft.
-    pub fn couple(
-        &mut self,
-        mechanics: impl Mechanics + 'static,
-        places: &[usize],
-        watched: &[usize],
-    ) {
-        let devices =
-            |places: &[usize]| -> Vec<DeviceId> { places.iter().copied().map(Self::at).collect() };
-        let coupling = Coupling::new(Box::new(mechanics), &devices(places), &devices(watched));
-        self.couplings.add(coupling, &mut self.devices[..]);
-    }
-
-    /// Turns the shaft of the device at one place with that at another, as [`World::follow`] does.
-    ///
-    /// # Panics
-    /// If one of them has no shaft.
-    pub fn follow(&mut self, follower: usize, leader: usize, ratio: f64) {
-        let [follower, leader] = [follower, leader].map(Self::at);
-        (self.couplings).follow(follower, leader, ratio, &mut self.devices[..]);
-    }
-
-    /// Turns the shaft of the device at one place, as [`World::turn`] does.
-    ///
-    /// # Panics
-    /// If it has no shaft.
-    pub fn turn(&mut self, place: usize, speed: f64) {
-        (self.couplings).turn(Self::at(place), speed, &mut self.devices[..]);
-    }
-
-    /// Fits a probe that touches work pieces, as [`World::fit_probe`] does.
-    ///
-    /// # Panics
-    /// If a device that moves it has no shaft: once time passes.
-    pub fn fit_probe(&mut self, probe: FittedProbe) {
-        self.couplings.probes.push(Probing::new(probe));
-    }
-
-    /// Feeds power stages through a contactor, as [`World::feed_through`] does.
-    pub fn feed_through(&mut self, chain: EnableChain) {
-        self.couplings.chains.push(Chain::new(chain));
-    }
-
-    /// Joins the DC buses of drives, as [`World::join_dc_buses`] does.
-    pub fn join_dc_buses(&mut self, devices: Vec<DeviceId>) {
-        self.couplings.links.push(DcLink { devices });
+    /// What ties its devices together, as [`World::ties`].
+    pub fn ties(&mut self) -> Ties<'_> {
+        Ties::new(&mut self.couplings, &mut self.devices)
     }
 
     /// The device at a place among those that it was made of.
@@ -382,7 +281,7 @@ impl BusNode for Hosted {
                 device.poll(now, tx);
             }
         }
-        self.couplings.move_until(now, &mut self.devices[..]);
+        self.couplings.move_until(now, &mut self.devices);
     }
 
     fn deadline(&self) -> Option<Instant> {
@@ -391,229 +290,14 @@ impl BusNode for Hosted {
     }
 }
 
-/// Where devices are found.
-trait Devices {
-    fn device_mut(&mut self, device: DeviceId) -> &mut dyn SimulatedDevice;
-}
-
-impl Devices for [Bus] {
+impl Devices for Vec<Bus> {
     fn device_mut(&mut self, device: DeviceId) -> &mut dyn SimulatedDevice {
         &mut **self[device.bus].wire.node_mut(device.place)
     }
 }
 
-impl Devices for [Box<dyn SimulatedDevice>] {
+impl Devices for Vec<Box<dyn SimulatedDevice>> {
     fn device_mut(&mut self, device: DeviceId) -> &mut dyn SimulatedDevice {
         &mut *self[device.place]
-    }
-}
-
-/// All that couples devices beside the bus, and the grid on which it is looked at.
-struct Couplings {
-    step: Duration,
-    /// The next point of the grid.
-    next: Instant,
-    couplings: Vec<Coupling>,
-    followers: Vec<Follower>,
-    probes: Vec<Probing>,
-    chains: Vec<Chain>,
-    links: Vec<DcLink>,
-}
-
-/// A shaft that another one turns.
-struct Follower {
-    follower: DeviceId,
-    /// What turns it; `None`: time itself.
-    leader: Option<DeviceId>,
-    /// Revolutions for one of the leader, or for a second.
-    ratio: f64,
-    /// Where it is while the leader is at zero, or was at first.
-    zero: f64,
-}
-
-/// Shafts that are tied together.
-struct Coupling {
-    mechanics: Box<dyn Mechanics>,
-    /// Moved.
-    devices: Vec<DeviceId>,
-    /// Only looked at.
-    watched: Vec<DeviceId>,
-    /// Of what is moved.
-    loads: Vec<Load>,
-    /// Of what is moved, then of what is looked at.
-    motions: Vec<Motion>,
-}
-
-impl Couplings {
-    fn new(step: Duration) -> Self {
-        Self {
-            step,
-            next: Instant::ZERO + step,
-            couplings: Vec::new(),
-            followers: Vec::new(),
-            probes: Vec::new(),
-            chains: Vec::new(),
-            links: Vec::new(),
-        }
-    }
-
-    fn is_empty(&self) -> bool {
-        self.couplings.is_empty()
-            && self.followers.is_empty()
-            && self.probes.is_empty()
-            && self.chains.is_empty()
-            && self.links.is_empty()
-    }
-
-    /// The next point of the grid, if anything moves on it.
-    fn next(&self) -> Option<Instant> {
-        (!self.is_empty()).then_some(self.next)
-    }
-
-    fn add(&mut self, mut coupling: Coupling, all: &mut (impl Devices + ?Sized)) {
-        for (motion, &device) in coupling.motions.iter_mut().zip(&coupling.devices) {
-            let shaft = shaft_of(device, all);
-            shaft.couple(Instant::ZERO);
-            *motion = shaft.motion_at(Instant::ZERO);
-        }
-        coupling.watch(Instant::ZERO, all);
-        self.couplings.push(coupling);
-    }
-
-    fn follow(
-        &mut self,
-        follower: DeviceId,
-        leader: DeviceId,
-        ratio: f64,
-        all: &mut (impl Devices + ?Sized),
-    ) {
-        let load = shaft_of(leader, all).load_position();
-        let zero = shaft_of(follower, all).position() - ratio * load;
-        if let Some(shaft) = all.device_mut(follower).shaft_mut() {
-            shaft.couple(Instant::ZERO);
-        }
-        self.followers.push(Follower {
-            follower,
-            leader: Some(leader),
-            ratio,
-            zero,
-        });
-    }
-
-    fn turn(&mut self, device: DeviceId, speed: f64, all: &mut (impl Devices + ?Sized)) {
-        let shaft = shaft_of(device, all);
-        let zero = shaft.position();
-        shaft.couple(Instant::ZERO);
-        self.followers.push(Follower {
-            follower: device,
-            leader: None,
-            ratio: speed,
-            zero,
-        });
-    }
-
-    /// What ties that device to its leader.
-    fn of(&mut self, follower: DeviceId) -> impl Iterator<Item = &mut Follower> {
-        (self.followers.iter_mut()).filter(move |coupled| coupled.follower == follower)
-    }
-
-    /// Moves coupled shafts from point to point of the grid, up to `until`.
-    fn move_until(&mut self, until: Instant, devices: &mut (impl Devices + ?Sized)) {
-        while !self.is_empty() && self.next <= until {
-            for coupling in &mut self.couplings {
-                coupling.step(self.next, self.step, devices);
-            }
-            for follower in &self.followers {
-                follower.step(self.next, devices);
-            }
-            for probe in &mut self.probes {
-                probe.step(self.next, devices);
-            }
-            for chain in &mut self.chains {
-                chain.step(self.next, devices);
-            }
-            for link in &self.links {
-                link.step(self.next, devices);
-            }
-            self.next += self.step;
-        }
-    }
-}
-
-impl Follower {
-    fn step(&self, end: Instant, all: &mut (impl Devices + ?Sized)) {
-        let load = match self.leader {
-            None => Motion {
-                position: (end - Instant::ZERO).as_secs_f64(),
-                velocity: 1.0,
-                acceleration: 0.0,
-            },
-            Some(leader) => {
-                let leader = all.device_mut(leader);
-                leader.run_until(end);
-                let Some(shaft) = leader.shaft_mut() else {
-                    return;
-                };
-                shaft.load_motion_at(end)
-            }
-        };
-        let motion = Motion {
-            position: self.zero + self.ratio * load.position,
-            velocity: self.ratio * load.velocity,
-            acceleration: 0.0,
-        };
-        let follower = all.device_mut(self.follower);
-        follower.run_until(end);
-        if let Some(shaft) = follower.shaft_mut() {
-            shaft.moved(end, motion);
-        }
-    }
-}
-
-/// # Panics
-/// If the device has no shaft.
-fn shaft_of(device: DeviceId, all: &mut (impl Devices + ?Sized)) -> &mut Shaft {
-    let shaft = all.device_mut(device).shaft_mut();
-    shaft.expect("mechanics couple devices that have a shaft")
-}
-
-impl Coupling {
-    fn new(mechanics: Box<dyn Mechanics>, devices: &[DeviceId], watched: &[DeviceId]) -> Self {
-        Self {
-            mechanics,
-            devices: devices.to_vec(),
-            watched: watched.to_vec(),
-            loads: vec![Load::default(); devices.len()],
-            motions: vec![Motion::default(); devices.len() + watched.len()],
-        }
-    }
-
-    /// Looks where what is only looked at is at `now`.
-    fn watch(&mut self, now: Instant, all: &mut (impl Devices + ?Sized)) {
-        let motions = self.motions[self.devices.len()..].iter_mut();
-        for (motion, &device) in motions.zip(&self.watched) {
-            *motion = shaft_of(device, all).motion_at(now);
-        }
-    }
-
-    fn step(&mut self, end: Instant, step: Duration, all: &mut (impl Devices + ?Sized)) {
-        for (load, &device) in self.loads.iter_mut().zip(&self.devices) {
-            let device = all.device_mut(device);
-            device.run_until(end);
-            if let Some(shaft) = device.shaft_mut() {
-                *load = shaft.take_load();
-            }
-        }
-        for &device in &self.watched {
-            all.device_mut(device).run_until(end);
-        }
-        self.watch(end, all);
-        let dt = step.as_nanos() as f64 * 1e-9;
-        self.mechanics.step(dt, &self.loads, &mut self.motions);
-        for (&motion, &device) in self.motions.iter().zip(&self.devices) {
-            if let Some(shaft) = all.device_mut(device).shaft_mut() {
-                shaft.moved(end, motion);
-            }
-        }
     }
 }

@@ -14,7 +14,7 @@ use syncline_drives::model::{Address, Direction, Increments, Model};
 use syncline_drives::twin::servo::encoder::Scale;
 use syncline_drives::twin::{Config, Disturbance, Kind, Sensor, SimulatedDevice};
 use syncline_drives::world::{
-    BusId, DeviceId, EnableChain, FittedProbe, Hosted, Observer, ProbeDrive, ProbeWire, World,
+    BusId, DeviceId, EnableChain, FittedProbe, Hosted, Observer, ProbeDrive, ProbeWire, Ties, World,
 };
 use syncline_gcode as gcode;
 
@@ -131,43 +131,7 @@ impl Simulated {
             Some(world.attach(bus, released(machine, index, &config)))
         });
         let devices: Vec<Option<DeviceId>> = devices.collect();
-        for axis in &machine.axes {
-            let Some(tied) = Tied::of(machine, axis) else {
-                continue;
-            };
-            let here = |drives: &[usize]| -> Vec<DeviceId> {
-                drives.iter().filter_map(|it| devices[*it]).collect()
-            };
-            let (sides, watched) = (here(&axis.drives), here(&tied.watched));
-            if sides.len() == axis.drives.len() && watched.len() == tied.watched.len() {
-                world.couple(tied.mechanics(machine, axis)?, &sides, &watched);
-            } else if !sides.is_empty() {
-                return Err(tied.split(machine, axis));
-            }
-        }
-        for shaft in Shaft::all(machine) {
-            match (devices[shaft.encoder], devices[shaft.drive]) {
-                (Some(encoder), Some(drive)) => world.follow(encoder, drive, shaft.ratio),
-                (None, None) => {}
-                _ => return Err(shaft.split(machine)),
-            }
-        }
-        for (index, speed) in turned(machine) {
-            if let Some(encoder) = devices[index] {
-                world.turn(encoder, speed);
-            }
-        }
-        for touched in machine.touched.all() {
-            if let Some(probe) = fitted_probe(machine, touched, |device| devices[device])? {
-                world.fit_probe(probe);
-            }
-        }
-        if let Some(chain) = enable_chain(machine, |device| devices[device]) {
-            world.feed_through(chain);
-        }
-        for bus in &machine.dc_buses {
-            world.join_dc_buses(joined(machine, bus, |drive| devices[drive])?);
-        }
+        tie(machine, world.ties(), |device| devices[device])?;
         Ok(Self {
             world,
             buses,
@@ -197,51 +161,61 @@ pub fn hosted(
             (index, released(machine, index, &config))
         })
         .unzip();
-    let place = |device: usize| drives.iter().position(|it| *it == device);
-    let mut ties = Vec::new();
+    let mut hosted = Hosted::new(devices);
+    tie(machine, hosted.ties(), |device| {
+        let place = drives.iter().position(|it| *it == device);
+        place.map(Hosted::at)
+    })?;
+    Ok(hosted)
+}
+
+/// Ties together what a machine's mechanics and wires do, by where each of its devices is in a world.
+///
+/// # Errors
+/// Some of what is tied together is in it and some is not, or mechanics cannot be computed.
+fn tie(
+    machine: &Machine,
+    mut ties: Ties<'_>,
+    device: impl Fn(usize) -> Option<DeviceId>,
+) -> Result<(), PortError> {
     for axis in &machine.axes {
         let Some(tied) = Tied::of(machine, axis) else {
             continue;
         };
-        let here = |all: &[usize]| -> Vec<usize> {
-            all.iter().filter_map(|&drive| place(drive)).collect()
+        let here = |drives: &[usize]| -> Vec<DeviceId> {
+            drives.iter().filter_map(|it| device(*it)).collect()
         };
         let (sides, watched) = (here(&axis.drives), here(&tied.watched));
         if sides.len() == axis.drives.len() && watched.len() == tied.watched.len() {
-            ties.push((tied.mechanics(machine, axis)?, sides, watched));
+            ties.couple(tied.mechanics(machine, axis)?, &sides, &watched);
         } else if !sides.is_empty() {
             return Err(tied.split(machine, axis));
         }
     }
-    let mut hosted = Hosted::new(devices);
-    for (mechanics, sides, watched) in ties {
-        hosted.couple(mechanics, &sides, &watched);
-    }
     for shaft in Shaft::all(machine) {
-        match (place(shaft.encoder), place(shaft.drive)) {
-            (Some(encoder), Some(drive)) => hosted.follow(encoder, drive, shaft.ratio),
+        match (device(shaft.encoder), device(shaft.drive)) {
+            (Some(encoder), Some(drive)) => ties.follow(encoder, drive, shaft.ratio),
             (None, None) => {}
             _ => return Err(shaft.split(machine)),
         }
     }
     for (index, speed) in turned(machine) {
-        if let Some(encoder) = place(index) {
-            hosted.turn(encoder, speed);
+        if let Some(encoder) = device(index) {
+            ties.turn(encoder, speed);
         }
     }
     for touched in machine.touched.all() {
-        if let Some(probe) = fitted_probe(machine, touched, |device| place(device).map(Hosted::at))?
-        {
-            hosted.fit_probe(probe);
+        if let Some(probe) = fitted_probe(machine, touched, &device)? {
+            ties.fit_probe(probe);
         }
     }
-    if let Some(chain) = enable_chain(machine, |device| place(device).map(Hosted::at)) {
-        hosted.feed_through(chain);
+    if let Some(chain) = enable_chain(machine, &device) {
+        ties.feed_through(chain);
     }
     for bus in &machine.dc_buses {
-        hosted.join_dc_buses(joined(machine, bus, |drive| place(drive).map(Hosted::at))?);
+        ties.join_dc_buses(joined(machine, bus, &device)?);
     }
-    Ok(hosted)
+    Ok(())
 }
 
 /// A [device](Machine::nodes) of a machine by its index, to be switched on where its axis

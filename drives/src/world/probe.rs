@@ -4,7 +4,8 @@
 //! way from the last point, which is taken to be straight, crosses the surface; what captures positions is told
 //! where its shaft was then.
 
-use super::{DeviceId, Devices, shaft_of};
+use super::DeviceId;
+use super::ties::{Devices, shaft_of};
 use crate::mechanics::touch_probe::{Place, TouchProbe};
 use syncline_canopen::Instant;
 

@@ -752,7 +752,7 @@ fn ahead_of_its_encoder(leader: &Config) -> f64 {
         bus,
         Box::new(cia402_csp::Twin::new(cia402_csp::TwinConfig::new(id(3)))),
     );
-    world.follow(encoder, drive, -2.0);
+    world.ties().follow(encoder, drive, -2.0);
     let write = |index: u16, data: &[u8]| {
         let [low, high] = index.to_le_bytes();
         let mut bytes = [0x23 | (4 - data.len() as u8) << 2, low, high, 0, 0, 0, 0, 0];

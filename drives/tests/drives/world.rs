@@ -70,7 +70,7 @@ fn mechanics_move_shafts_on_the_grid_whatever_their_bus() {
         let bus = world.add_bus(BitRate::from_kbit(1000).unwrap(), |_| ());
         world.attach(bus, twin(node))
     });
-    world.couple(conveyor.clone(), &devices, &[]);
+    world.ties().couple(conveyor.clone(), &devices, &[]);
     world
         .device_mut(devices[1])
         .disturb(Disturbance::Block(true));
@@ -107,7 +107,7 @@ fn pieces_of_time_change_nothing() {
             log.lock().unwrap().push((sent.start, sent.frame));
         });
         let devices = [1, 2].map(|node| world.attach(bus, twin(node)));
-        world.couple(Conveyor::default(), &devices, &[]);
+        world.ties().couple(Conveyor::default(), &devices, &[]);
         world.advance_to(Instant::ZERO);
         world.send(bus, Band::Acyclic, Frame::new(CobId::NMT, &[0x01, 0]));
         for piece in 1..=pieces {
@@ -126,7 +126,9 @@ fn pieces_of_time_change_nothing() {
 fn what_others_host_moves_on_the_same_grid() {
     let conveyor = Conveyor::default();
     let mut hosted = Hosted::new(vec![twin(1), twin(2)]);
-    hosted.couple(conveyor.clone(), &[1], &[]);
+    hosted
+        .ties()
+        .couple(conveyor.clone(), &[Hosted::at(1)], &[]);
     let mut sent: Vec<Frame> = Vec::new();
     assert_eq!(hosted.deadline(), Some(Instant::ZERO));
     hosted.live_until(at(10_000), &mut sent);
@@ -167,7 +169,7 @@ fn a_t_pdo_of_a_coupled_shaft_is_exact_at_a_constant_speed() {
             }
         });
         let device = world.attach(bus, Box::new(exact(seed)));
-        world.turn(device, SPEED);
+        world.ties().turn(device, SPEED);
         world.advance_to(Instant::ZERO);
         world.send(bus, Band::Acyclic, Frame::new(CobId::NMT, &[0x01, 1]));
         // So that SYNC comes at every phase of the grid and of the drive's steps.
@@ -231,8 +233,8 @@ fn what_follows_or_watches_a_drive_sees_it_on_the_grid() {
         let encoder = cia406::Twin::new(cia406::TwinConfig::new(id(2)));
         let follower = world.attach(bus, Box::new(encoder));
         let other = world.attach(bus, twin(3));
-        world.follow(follower, leader, 0.5);
-        world.couple(watcher.clone(), &[other], &[leader]);
+        world.ties().follow(follower, leader, 0.5);
+        world.ties().couple(watcher.clone(), &[other], &[leader]);
         world.advance_to(Instant::ZERO);
         for point in 1..=8_000_u32 {
             let now = Instant::ZERO + GRID * point;
@@ -275,7 +277,7 @@ fn a_probe_sees_all_shafts_at_the_same_instant() {
             zero: 0.0,
             travel: 10.0,
         };
-        world.fit_probe(FittedProbe {
+        world.ties().fit_probe(FittedProbe {
             probe: TouchProbe {
                 radius: 0.0,
                 solids: vec![Solid::Plane {
