@@ -488,6 +488,10 @@ pub enum Fault {
          the next: write G40 before them"
     )]
     CutterWaits { allowed: usize },
+    #[error(
+        "the typed lines end with {code} on, which has to know the block behind: type the contour at once, up to G40 and a line"
+    )]
+    CompensationTyped { code: Code },
     #[error("line {line} is on a compensated contour: begin where G41 or G42 is, or before")]
     BeginCompensated { line: u32 },
 

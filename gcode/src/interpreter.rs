@@ -737,7 +737,14 @@ impl Interpreter {
         if self.state.nurbs.take().is_some() {
             return Err(Refusal::new(self.block.columns(), Fault::NurbsNotEnded));
         }
+        let left_on = self.state.modes.compensation;
         self.state.end_compensation();
+        if let Some(code) = left_on.filter(|_| !self.program_ended) {
+            return Err(Refusal::new(
+                self.block.columns(),
+                Fault::CompensationTyped { code },
+            ));
+        }
         self.actions.push_back(Action::End);
         self.settle(self.span())?;
         self.ended = true;

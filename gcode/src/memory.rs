@@ -4,7 +4,7 @@
 use super::axes::{AxisLetter, Point};
 use super::command::{Coolant, PathMode, Spindle};
 use super::coordinates::WorkCoordinates;
-use super::modal::{Modes, Motion};
+use super::modal::{Code, Modes, Motion};
 use super::parameters::{InputResult, Parameters};
 use super::saved::SavedModes;
 use super::tables::Tables;
@@ -44,6 +44,30 @@ impl Memory {
     /// G17, G90, G94, G40, G1, spindle and coolant off. Units, tool, tool length, path mode, F and
     /// parameters stay.
     pub fn end_program(&mut self) {
+        self.reset(Motion::Feed);
+        self.stop();
+    }
+
+    /// What a program begins with, whatever typed lines have left: G54, no shift by G92 or G52, G17, G90, G94, G40, G80. All else stays.
+    pub fn begin_program(&mut self) {
+        self.reset(Modes::default().motion);
+    }
+
+    /// The codes of what [`begin_program`](Self::begin_program) resets and is set otherwise, but for motion.
+    pub fn unlike_beginning(&self) -> Vec<Code> {
+        let (now, fresh) = (&self.modes, Modes::default());
+        let codes = [
+            (now.plane.code(), now.plane != fresh.plane),
+            (now.work_offset_code(), now.work_offset != fresh.work_offset),
+            (Code::G(910), now.incremental),
+            (now.feed_mode.code(), now.feed_mode != fresh.feed_mode),
+            (Code::G(920), self.g92_applies),
+        ];
+        let unlike = codes.into_iter().filter(|(_, is_unlike)| *is_unlike);
+        unlike.map(|(code, _)| code).collect()
+    }
+
+    fn reset(&mut self, motion: Motion) {
         self.g92_applies = false;
         self.saved = None;
         let fresh = Modes::default();
@@ -51,7 +75,7 @@ impl Memory {
         // F is no feed of G94 if it was one of another mode.
         modes.feed = modes.feed.filter(|_| modes.feed_mode == fresh.feed_mode);
         *modes = Modes {
-            motion: Motion::Feed,
+            motion,
             plane: fresh.plane,
             incremental: fresh.incremental,
             feed_mode: fresh.feed_mode,
@@ -59,7 +83,6 @@ impl Memory {
             compensation: fresh.compensation,
             ..modes.clone()
         };
-        self.stop();
     }
 
     /// Spindle and coolant were switched off by a stop.

@@ -128,61 +128,81 @@ fn added(
     let first = keys.min()?;
     let before = source.get(..first)?;
     let line = before.rfind('\n').map_or(0, |newline| newline + 1);
-    let place = match before[line..].trim_end() {
-        "" => replaced(source, line..line, &format!("{key} = {value}\n")),
-        opened if opened.ends_with('{') => {
-            replaced(source, first..first, &format!("{key} = {value}, "))
-        }
-        _ => return None,
-    };
-    Some(place)
+    // What leads there in the key itself: `simulation.` of `simulation.load = 2`.
+    let opened = before[line..].rfind(['{', ',']);
+    let begin = opened.map_or(line, |opened| line + opened + 1);
+    let leads = before[begin..].trim_start();
+    if !(leads.is_empty() || leads.trim_end().ends_with('.')) {
+        return None;
+    }
+    let written = format!("{leads}{key} = {value}");
+    Some(match opened {
+        None => replaced(source, line..line, &format!("{written}\n")),
+        Some(_) => replaced(source, begin..begin, &format!(" {written},")),
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     const TEXT: &str = "top = 1\n\n[machine]\nname = \"m\"  # é\n\n[[axis]]\nname = \"X\"\nmax = 1.5\n\
                         simulation = { load = 2.0 }\n\n[[axis]]\nname = \"the Y\"\n\n[axis.simulation]\nload = 3\n";
 
-    /// What is read in the text behind a setting, as TOML.
-    fn read(setting: &str) -> toml::Table {
-        set(TEXT, setting).unwrap().parse().unwrap()
-    }
+    /// Settings, and where they lead in the text's tables.
+    const SETTINGS: [(&str, &str); 19] = [
+        ("top=2", "top"),
+        ("new = 'a'", "new"),
+        ("machine.name=\"n\"", "machine.name"),
+        ("machine.cycle_us=2000", "machine.cycle_us"),
+        ("path.exact=0.1", "path.exact"),
+        ("model.lxm32m.delay=2", "model.lxm32m.delay"),
+        ("axis.X.max=9e3", "axis.0.max"),
+        ("axis.X.min=[1, 2]", "axis.0.min"),
+        ("axis.X.simulation.load=9", "axis.0.simulation.load"),
+        ("axis.X.simulation.play=9", "axis.0.simulation.play"),
+        ("axis.\"the Y\".simulation.load=9", "axis.1.simulation.load"),
+        ("axis.\"the Y\".simulation.play=9", "axis.1.simulation.play"),
+        ("axis.\"the Y\".homing.kind='a'", "axis.1.homing.kind"),
+        ("axis.\"the Y\".homing.speed=3", "axis.1.homing.speed"),
+        ("axis.X.homing.a.b='c'", "axis.0.homing.a.b"),
+        ("axis.X.homing.a.d=[4]", "axis.0.homing.a.d"),
+        ("axis.X.homing.kind='e'", "axis.0.homing.kind"),
+        (
+            "axis.X.simulation.gantry.beam=1.5",
+            "axis.0.simulation.gantry.beam",
+        ),
+        (
+            "axis.X.simulation.gantry.mass=7",
+            "axis.0.simulation.gantry.mass",
+        ),
+    ];
 
-    #[test]
-    fn a_value_is_replaced_or_added_where_the_key_leads() {
-        let before: toml::Table = TEXT.parse().unwrap();
-        for (setting, place) in [
-            ("top=2", "top"),
-            ("new = 'a'", "new"),
-            ("machine.name=\"n\"", "machine.name"),
-            ("machine.cycle_us=2000", "machine.cycle_us"),
-            ("path.exact=0.1", "path.exact"),
-            ("model.lxm32m.delay=2", "model.lxm32m.delay"),
-            ("axis.X.max=9e3", "axis.0.max"),
-            ("axis.X.min=[1, 2]", "axis.0.min"),
-            ("axis.X.simulation.load=9", "axis.0.simulation.load"),
-            ("axis.X.simulation.play=9", "axis.0.simulation.play"),
-            ("axis.\"the Y\".simulation.load=9", "axis.1.simulation.load"),
-            ("axis.\"the Y\".simulation.play=9", "axis.1.simulation.play"),
-            ("axis.\"the Y\".homing.kind='a'", "axis.1.homing.kind"),
-        ] {
-            let after = read(setting);
-            let mut expected = toml::Value::Table(before.clone());
-            let mut at = &mut expected;
-            for part in place.split('.') {
-                at = match at {
-                    toml::Value::Array(items) => &mut items[part.parse::<usize>().unwrap()],
-                    toml::Value::Table(table) => table
-                        .entry(part)
-                        .or_insert(toml::Value::Table(toml::Table::new())),
-                    other => panic!("{setting}: {other}"),
-                };
+    proptest! {
+        /// Each in turn, however many: the text has them all, and all else as it was.
+        #[test]
+        fn values_are_replaced_or_added_where_their_keys_lead(
+            settings in prop::collection::vec(prop::sample::select(&SETTINGS[..]), 1..12),
+        ) {
+            let mut text = TEXT.to_owned();
+            let mut expected: toml::Value = toml::Value::Table(TEXT.parse().unwrap());
+            for (setting, place) in settings {
+                text = set(&text, setting).unwrap();
+                let mut at = &mut expected;
+                for part in place.split('.') {
+                    at = match at {
+                        toml::Value::Array(items) => &mut items[part.parse::<usize>().unwrap()],
+                        toml::Value::Table(table) => table
+                            .entry(part)
+                            .or_insert(toml::Value::Table(toml::Table::new())),
+                        other => panic!("{setting}: {other}"),
+                    };
+                }
+                let (_, value) = setting.split_once('=').unwrap();
+                *at = value.trim().parse().unwrap();
+                prop_assert_eq!(&toml::Value::Table(text.parse().unwrap()), &expected, "{}", text);
             }
-            let (_, value) = setting.split_once('=').unwrap();
-            *at = value.trim().parse().unwrap();
-            assert_eq!(toml::Value::Table(after), expected, "{setting}");
         }
     }
 

@@ -261,7 +261,7 @@ impl Observers {
         self.cycles += 1;
         self.next = cycle + 1;
         self.line = line;
-        self.position = row.plan.position;
+        self.position = observed.actual;
         let counted = counted_speed(&row.plan.velocity);
         let moved = self.travel.cycles.motion;
         self.travel.observe(observed, counted);

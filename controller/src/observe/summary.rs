@@ -120,7 +120,7 @@ pub struct Stopped {
     /// A setpoint of samples that others have planned was beyond a limit, and was not sent.
     #[serde(skip_serializing_if = "is_zero")]
     pub sample_refused: bool,
-    /// The setpoint of each axis, machine coordinates, mm or degrees.
+    /// Where each axis was seen last, machine coordinates, mm or degrees.
     pub position: BTreeMap<&'static str, f64>,
     /// What is left of the program, as F counts it, mm; nothing where it was not read before.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -698,7 +698,7 @@ impl fmt::Display for Stopped {
                 turned_deg: self.left_deg,
                 ..PathSummary::default()
             };
-            write!(f, ", {} left", left.length())?;
+            write!(f, ", setpoints had {} left", left.length())?;
         }
         Ok(())
     }

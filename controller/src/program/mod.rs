@@ -395,13 +395,19 @@ impl Programs {
     /// A program in a file.
     #[must_use]
     pub fn file(&self, file: &Path) -> Program {
-        self.program(Source::File(file.to_owned()))
+        self.begun(Source::File(file.to_owned()))
     }
 
     /// A program in memory; `name` stands for it in messages.
     #[must_use]
     pub fn text(&self, name: &str, text: &[u8]) -> Program {
-        self.program(Source::Text(name.to_owned(), text.into()))
+        self.begun(Source::Text(name.to_owned(), text.into()))
+    }
+
+    fn begun(&self, source: Source) -> Program {
+        let mut program = self.program(source);
+        program.setup.memory.begin_program();
+        program
     }
 
     /// Lines that were typed in: where they end the modal state goes on.

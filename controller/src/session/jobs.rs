@@ -15,7 +15,7 @@ use crate::run::Work;
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
-use syncline_gcode::{AxisSet, InEffect, Memory, Modes, Place, WorkCoordinates};
+use syncline_gcode::{AxisSet, Code, InEffect, Memory, Modes, Place, WorkCoordinates};
 
 /// See the module.
 pub(super) struct Jobs {
@@ -96,6 +96,18 @@ impl Jobs {
     /// What the programs so far have left.
     pub(super) fn programs(&self) -> &Programs {
         &self.programs
+    }
+
+    /// The codes that typed lines have left and that do not hold in the program at work, which has begun at its beginning.
+    pub(super) fn unlike_beginning(&self) -> Vec<Code> {
+        match &self.at_work {
+            Some(AtWork {
+                job,
+                resumes: false,
+                ..
+            }) if job.kind == JobKind::Program => self.programs.memory().unlike_beginning(),
+            _ => Vec::new(),
+        }
     }
 
     /// What lines that are typed in now begin with.
@@ -368,10 +380,12 @@ impl Jobs {
             }
             (Some(left), ..) => self.programs.take_over(left),
             (None, JobKind::Program, outcome) => {
-                self.programs.forget(tool);
                 let is_left = outcome == Outcome::Broken && !it.has_moved;
                 if is_left {
                     (self.aside, self.beside) = it.hold;
+                    self.programs.tool_is(tool);
+                } else {
+                    self.programs.forget(tool);
                 }
                 let before = it.interrupted.filter(|_| it.resumes || is_left);
                 self.interrupted = self.interrupted.take().or(before);

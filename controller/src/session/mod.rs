@@ -472,6 +472,7 @@ impl Desk {
             };
             jobs.begun(number, held, &now, line);
         }
+        self.tell_reset();
         self.job = Job::new(number, moves);
         self.status.typed = match command {
             Command::Mdi(lines) => Some(lines.clone()),
@@ -480,6 +481,20 @@ impl Desk {
         };
         self.left = None;
         self.show_programs();
+    }
+
+    /// Tells what typed lines have left and does not hold in the program that begins.
+    fn tell_reset(&mut self) {
+        let left = (self.jobs.as_ref()).map_or_else(Vec::new, Jobs::unlike_beginning);
+        if left.is_empty() {
+            return;
+        }
+        let left: Vec<String> = left.iter().map(ToString::to_string).collect();
+        let text = format!(
+            "the program begins with G17 G54 G90 G94 and without a shift: {} of what was typed before holds no more",
+            left.join(" ")
+        );
+        self.outlets.tell(Event::Message { line: 1, text });
     }
 
     /// A job is over.

@@ -88,6 +88,51 @@ proptest! {
         prop_assert_eq!(one_by_one.memory.coordinates(&tables), memory.coordinates(&tables));
         prop_assert_eq!(one_by_one.tables, tables);
     }
+
+    /// A program that names its units, feed, path mode and tool length does the same whatever was typed before; offsets that were set
+    /// in the tables are set.
+    #[test]
+    fn a_program_begins_as_it_does_on_a_machine_that_was_just_switched_on(
+        lines in prop::collection::vec(select(&LINES[..]), 0..20),
+    ) {
+        let mut typed = Interpreter::from_text("lines", lines.join("\n").as_str(), setup());
+        prop_assume!(typed.by_ref().all(|it| it.is_ok()));
+        let (memory, tables) = (typed.memory(), typed.tables().clone());
+        let program = "G21 G49 G64 P0.1 F500 S1000 M3 M9\nG0 X1 Y2\nG1 Z-3\nG2 X3 Y2 I1\nG81 X4 Z-1 R1\nM2";
+        let mut behind = Setup { memory, tables, typed: false, ..setup() };
+        behind.memory.begin_program();
+        behind.memory.stop();
+        prop_assert_eq!(behind.memory.unlike_beginning(), vec![]);
+        let fresh = Setup { memory: Memory::default(), ..behind.clone() };
+        let tool = |action: &Action| !matches!(action, Action::End);
+        let (behind, ..) = run(program, &behind);
+        let (fresh, ..) = run(program, &fresh);
+        prop_assert_eq!(
+            behind.into_iter().filter(tool).collect::<Vec<_>>(),
+            fresh.into_iter().filter(tool).collect::<Vec<_>>()
+        );
+    }
+}
+
+/// The block that follows on a contour is not known where lines are typed.
+#[test]
+fn typed_lines_end_without_cutter_compensation() {
+    for text in [
+        "G41.1 D4",
+        "G42.1 D4 G1 X20 F100",
+        "G41.1 D4 G1 X20 F100\nY20",
+    ] {
+        let mut lines = Interpreter::from_text("lines", text, setup());
+        let error = lines.find_map(Result::err).expect(text);
+        assert!(error.to_string().contains("end with G4"), "{error}");
+        let program = Setup {
+            typed: false,
+            ..setup()
+        };
+        let mut program = Interpreter::from_text("program", text, program);
+        assert!(program.all(|it| it.is_ok()), "{text}");
+    }
+    run("G41.1 D4 G1 X20 F100\nY20\nG40 X30", &setup());
 }
 
 #[test]

@@ -46,6 +46,77 @@ fn a_bad_block_in_a_stream_stops_the_machine_where_it_stands_in_the_program() {
     assert_eq!(ended(&output).0, 2);
 }
 
+/// An axis that runs against its end stop is there, and not where its setpoint was.
+#[test]
+fn a_run_that_is_stopped_tells_where_its_axes_are() {
+    let folder = Folder::new();
+    let machine = folder.machine("xyz");
+    let program = folder.file("p.ngc", "G1 X40 F12000\nM2\n");
+    let trace = folder.path("trace.csv");
+    let output = syncline()
+        .args(["validate", "--json", "-", "--trace"])
+        .args([&trace, &machine, &program])
+        .args(["--set", "axis.X.simulation.end_stops=[-10.0, 20.0]"])
+        .output()
+        .unwrap();
+    let (code, json, errors) = ended(&output);
+    assert_eq!(code, 1, "{errors}");
+    let json: Value = serde_json::from_str(json).unwrap();
+    let stopped = json["stopped"]["position"]["X"].as_f64().unwrap();
+    let trace = Trace::read(&example("xyz"), &folder.read("trace.csv"));
+    let (set, act) = (&trace.axis("X").set, &trace.axis("X").act);
+    assert!((stopped - act.last().unwrap()).abs() < 1e-3, "{stopped}");
+    assert!((19.9..20.1).contains(&stopped), "{stopped}");
+    let beyond = set.iter().any(|set| set - stopped > 1.0);
+    assert!(beyond, "its setpoints were not followed");
+}
+
+/// The work offset, the distance mode and the shift that typed lines have left do not hold in a program, which says so; one that is
+/// refused leaves them as they are.
+#[test]
+fn a_program_goes_where_it_was_validated_to_go_whatever_was_typed() {
+    let folder = Folder::new();
+    let machine = folder.machine("xyz");
+    let good = folder.file("good.ngc", "G0 X20 Y5\nM2\n");
+    let bad = folder.file("bad.ngc", "G0 X1\nG1 Y1\nM2\n");
+    let typed = ",mdi,G10 L2 P2 X100\n,mdi,G55 G91 G18\n,mdi,G0 X1\n,mdi,G92 Y7\n";
+    let ends = |name: &str, events: &str| {
+        let script = format!("t_s,event,value\n{typed}{events}");
+        let script = folder.file(&format!("{name}.csv"), &script);
+        let trace = folder.path("trace.csv");
+        let output = syncline()
+            .args(["validate", "--trace"])
+            .args([&trace, &machine])
+            .arg("--events")
+            .arg(&script)
+            .output()
+            .unwrap();
+        let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+        let trace = Trace::read(&example("xyz"), &folder.read("trace.csv"));
+        let end = ["X", "Y"].map(|axis| *trace.axis(axis).set.last().unwrap());
+        (end, errors)
+    };
+    let (end, told) = ends("runs", &format!(",load,{}\n,run,\n", good.display()));
+    assert!(
+        (end[0] - 20.0).abs() < 1e-3 && (end[1] - 5.0).abs() < 1e-3,
+        "{end:?}"
+    );
+    assert!(told.contains("line 1: the program begins with G17 G54 G90 G94 and without a shift: G18 G55 G91 G92 of"), "{told}");
+    let refused = format!(
+        ",load,{}\n,run,\n,mdi,X3\n,mdi,G90 G0 X50 Y7\n",
+        bad.display()
+    );
+    let (end, told) = ends("refused", &refused);
+    assert!(
+        (end[0] - 150.0).abs() < 1e-3 && end[1].abs() < 1e-3,
+        "{end:?}: {told}"
+    );
+    // The tool would go along the contour itself.
+    let (end, told) = ends("compensated", ",mdi,G41.1 D4 G1 X20 F600\n");
+    assert!((end[0] - 1.0).abs() < 1e-3, "{end:?}");
+    assert!(told.contains("the typed lines end with G41.1 on"), "{told}");
+}
+
 /// `syncline … | head` closes the pipe: no reason to panic, least of all while axes move.
 #[test]
 fn a_reader_that_goes_away_changes_nothing() {

@@ -83,9 +83,9 @@ impl Case {
             let aside = self.aside(along);
             let mut to = [0, 1].map(|k| end[k] + aside[k] * self.radius);
             if turn(&on, &first) * self.side() > 0.0
-                && let Some(begin) = self.along(0).first()
+                && let Some(begin) = self.first_free(&first, &on)
             {
-                to = *begin;
+                to = begin;
             }
             return Case::on_line(self.from, to)
                 .chain(self.around_corner(&on, &first))
@@ -103,6 +103,33 @@ impl Case {
             centers.extend(self.around_corner(&self.edges[index], next));
         }
         centers
+    }
+
+    /// The first place of the tool's centre beside an edge at which it is free of the one before.
+    fn first_free(&self, edge: &Edge, before: &Edge) -> Option<Vector> {
+        let center = |part: f64| {
+            let (point, along) = edge.at(part);
+            let aside = self.aside(along);
+            [0, 1].map(|k| point[k] + aside[k] * self.radius)
+        };
+        let is_free = |part: f64| before.distance(center(part)) > self.radius - 1e-9;
+        let ever_later = (1..30).rev().map(|k| 0.5f64.powi(k + 8));
+        let even = (1..=300).map(|k| f64::from(k) / 300.0);
+        let (mut low, mut high) = (0.0, 0.0);
+        for part in std::iter::once(0.0).chain(ever_later).chain(even) {
+            (low, high) = (high, part);
+            if is_free(part) {
+                break;
+            }
+        }
+        for _ in 0..50 {
+            let middle = (low + high) / 2.0;
+            match is_free(middle) {
+                true => high = middle,
+                false => low = middle,
+            }
+        }
+        is_free(high).then(|| center(high))
     }
 
     /// Beside an edge, from where the tool is free of the edge before to where it is last free of the one behind.
@@ -412,4 +439,10 @@ fn any_contour_has_an_answer() {
             }
         }
     }
+}
+
+/// A contour on which the tool, coming on, just cuts what comes two blocks later.
+#[test]
+fn a_shallow_cut_on_the_way_on_is_found() {
+    assert!(sweep(2_001_306, 1).wrong.is_empty());
 }
