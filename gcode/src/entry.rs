@@ -20,7 +20,7 @@ pub struct Entry {
     /// What the program has switched the spindle to there.
     pub spindle: Spindle,
     /// The way to the position, last along the axis across the plane when that goes down.
-    pub way: Vec<Action>,
+    pub approach: Vec<Action>,
     /// Outputs that wait for the program's next motion.
     pub with_motion: Vec<Output>,
     /// The program taps next, where that is known.
@@ -127,7 +127,7 @@ impl Passed {
     }
 
     /// What brings a machine that goes that way to `at` in which that is in effect.
-    pub(crate) fn entry(self, now: &InEffect, at: Point, way: Vec<Action>) -> Entry {
+    pub(crate) fn entry(self, now: &InEffect, at: Point, approach: Vec<Action>) -> Entry {
         let Self {
             initial,
             outputs,
@@ -156,7 +156,7 @@ impl Passed {
             at,
             set_up: set_up.chain(outputs_first).chain(path_mode).collect(),
             spindle: effect.spindle,
-            way,
+            approach,
             with_motion: outputs.await_motion,
             taps: false,
             answered: 0,

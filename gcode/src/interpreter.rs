@@ -378,12 +378,12 @@ impl Interpreter {
         if let Some(Action::Home { axes, .. }) = self.pending().next() {
             axes.iter().for_each(|axis| at[axis] = here[axis]);
         }
-        let way = self.state.way(here, at);
+        let approach = self.state.approach(here, at);
         let taps = matches!(self.pending().next(), Some(Action::Tap { .. }));
         Ok(Entry {
             taps,
             answered,
-            ..passed.entry(now, at, way)
+            ..passed.entry(now, at, approach)
         })
     }
 
@@ -491,9 +491,9 @@ impl Interpreter {
             self.state.input_result = InputResult::Passed;
         }
         let at = self.state.at;
-        let way = self.state.go_from(start)?;
+        let approach = self.state.go_from(start)?;
         self.settled_at = at;
-        Ok(passed.entry(&begun, at, way))
+        Ok(passed.entry(&begun, at, approach))
     }
 
     /// Reads and executes blocks until there is a command.

@@ -216,10 +216,10 @@ impl State {
 
     /// Comes to where it is from `start`: the [way](Self::way) there.
     pub(crate) fn go_from(&mut self, start: Point) -> Result<Vec<Action>, Refusal> {
-        let way = self.way(start, self.at);
+        let approach = self.approach(start, self.at);
         self.at = start;
         let mut commands = VecDeque::new();
-        for action in way {
+        for action in approach {
             let columns = Columns { start: 1, end: 2 };
             self.go(action, &Words::default(), columns, &mut commands)?;
         }
@@ -228,7 +228,7 @@ impl State {
 
     /// The way from `start` to a place in the midst of a program, last along the axis across the plane when that goes
     /// down.
-    pub(crate) fn way(&self, start: Point, goal: Point) -> Vec<Action> {
+    pub(crate) fn approach(&self, start: Point, goal: Point) -> Vec<Action> {
         let across = self.modes.plane.axes()[2];
         let down = goal[across] < start[across];
         let mut over = if down { goal } else { start };
@@ -236,7 +236,7 @@ impl State {
         let feed = self.modes.feed.filter(|feed| feed.number > 0.0);
         let feed = feed.and_then(|feed| self.modal_feed(feed.number * feed.unit, &goal));
         let mut at = start;
-        let mut way = Vec::new();
+        let mut approach = Vec::new();
         for to in [over, goal] {
             let action = match feed {
                 // What is below may not have been cut yet.
@@ -244,10 +244,10 @@ impl State {
                 _ => Action::Rapid { to },
             };
             if to != std::mem::replace(&mut at, to) {
-                way.push(action);
+                approach.push(action);
             }
         }
-        way
+        approach
     }
 
     /// Where the axis words lead, machine coordinates.
@@ -285,8 +285,8 @@ impl State {
         }
         // What no word moves stays where it is to the last bit.
         let (place, given) = if self.modes.incremental {
-            let (way, given) = self.placed(Point::ZERO, words, code)?;
-            (sum(from, coordinates.turned(way)), given)
+            let (by, given) = self.placed(Point::ZERO, words, code)?;
+            (sum(from, coordinates.turned(by)), given)
         } else {
             let at = coordinates.to_program(from);
             let (place, given) = self.placed(at, words, code)?;

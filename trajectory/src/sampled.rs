@@ -134,9 +134,9 @@ impl Spline {
     fn at(&self, at: f64) -> (State, f64) {
         let k = (at as usize).min(self.positions.len() - 2);
         let u = at - k as f64;
-        let way = self.positions[k + 1] - self.positions[k];
+        let step = self.positions[k + 1] - self.positions[k];
         let [from, to] = [self.slopes[k], self.slopes[k + 1]];
-        let (square, cube) = (3.0 * way - 2.0 * from - to, from + to - 2.0 * way);
+        let (square, cube) = (3.0 * step - 2.0 * from - to, from + to - 2.0 * step);
         // From the nearer end, so that both samples are met.
         let p = match u < 0.5 {
             true => self.positions[k] + u * (from + u * (square + u * cube)),

@@ -151,9 +151,9 @@ pub(super) fn orient(dice: &mut Dice, machine: &MachineSpec, programs: &mut [Vec
     for program in &mut *programs {
         for _ in 0..dice.whole(0..=2) {
             let angle = dice.whole(0..=3600);
-            let way = *dice.pick(&["", " P0", " P1", " P2"]);
+            let word = *dice.pick(&["", " P0", " P1", " P2"]);
             if let Some(place) = resting_place(dice, program) {
-                program.insert(place, format!("M19 R{}{way}", f64::from(angle) / 10.0));
+                program.insert(place, format!("M19 R{}{word}", f64::from(angle) / 10.0));
             }
         }
     }
@@ -433,8 +433,8 @@ impl Writer {
         };
         // From the tool's side onto the middle of the first line, and off it again.
         let (hand, towards) = *self.dice.pick(&[("G41.1", 0.4), ("G42.1", -0.4)]);
-        let (beside, way) = place([0.5, towards]);
-        self.push(format!("{code} G0 {way}"));
+        let (beside, words) = place([0.5, towards]);
+        self.push(format!("{code} G0 {words}"));
         self.push(format!("{hand} D{diameter}"));
         let middle = [0.5, 0.0];
         for corner in [
@@ -447,7 +447,7 @@ impl Writer {
         ] {
             self.push(format!("G1 {}", place(corner).1));
         }
-        self.push(format!("G40 G1 {way}"));
+        self.push(format!("G40 G1 {words}"));
         (self.at[a], self.at[b]) = (beside[0], beside[1]);
     }
 

@@ -55,7 +55,7 @@ pub(super) struct Screen {
     pub(super) view: StatusView,
     pub(super) layout: Arc<Layout>,
     pub(super) machine: Machine,
-    pub(super) way: Way,
+    pub(super) scale: Scale,
     /// Also what happens in every run.
     pub(super) verbose: bool,
 }
@@ -112,7 +112,7 @@ impl Console {
 impl Screen {
     /// Shows all until the end.
     fn show(self, queue: &Receiver<Message>, done: &AtomicU64) {
-        let bar = self.way.bar();
+        let bar = self.scale.bar();
         let (start, mut repeats) = (Instant::now(), Repeats::default());
         let mut over = false;
         loop {
@@ -134,7 +134,7 @@ impl Screen {
                 }
                 let status = self.view.get();
                 if !over && status.time.is_some() {
-                    bar.set_position(self.way.position(&status));
+                    bar.set_position(self.scale.position(&status));
                     bar.set_message(self.progress(&status));
                 }
                 match queue.try_recv() {
@@ -205,14 +205,14 @@ impl Screen {
 }
 
 /// What a run's progress is counted by.
-pub(super) enum Way {
+pub(super) enum Scale {
     /// The path, mm and degrees together.
     Path(Extent),
     /// The bytes that have been read, of a program that is read as it runs.
     Read(Reading),
 }
 
-impl Way {
+impl Scale {
     /// Of a program that amounts to that.
     pub(super) fn of(program: &Program, extent: Extent) -> Self {
         program.reading().map_or(Self::Path(extent), Self::Read)

@@ -5,7 +5,7 @@ use super::keys::{self, Keys};
 use super::log_files::LogFiles;
 use super::output::{Claims, Output, Results, Target};
 use super::ports::PortChoice;
-use super::progress::{Console, Messages, Screen, Way};
+use super::progress::{Console, Messages, Scale, Screen};
 use super::real_time::{Buses, RealTimeArgs, Written, attend, lockstep, record_faults};
 use super::state_keeper::StateKeeper;
 use super::switches::Switches;
@@ -195,7 +195,7 @@ impl Run<'_> {
         let trace = self.results.trace_by(&mut written.writers)?;
         let sent = lockstep.then(|| written.frames.listen(&self.machine));
         let extent = (!program.streams()).then_some(self.extent);
-        let way = Way::of(&program, self.extent);
+        let scale = Scale::of(&program, self.extent);
         let observers = Observers::new(&self.machine, sent, trace, self.results.wants_report())
             .of_program(extent);
         let (messages, waiting) = Console::messages();
@@ -234,7 +234,7 @@ impl Run<'_> {
             view: session.view(),
             layout: Arc::clone(&self.layout),
             machine: self.machine.clone(),
-            way,
+            scale,
             verbose: self.args.verbose,
         };
         let console = Console::start(screen, messages.clone(), waiting)?;

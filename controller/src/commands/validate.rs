@@ -4,7 +4,7 @@ use super::command_log::{CommandFile, CommandLog};
 use super::events::{Events, Plays, When};
 use super::log_files::{LogFiles, Logs};
 use super::output::{Claims, Output, Results, Target};
-use super::progress::Way;
+use super::progress::Scale;
 use super::repeats::{self, Repeats};
 use super::scripted::Scripted;
 use super::switches::Switches;
@@ -88,7 +88,7 @@ struct Prepared {
     program: Program,
     /// Unless it is read as it runs.
     extent: Option<Extent>,
-    way: Way,
+    scale: Scale,
     time_bounds: Option<TimeBounds>,
     events: Events,
     claims: Claims,
@@ -179,7 +179,7 @@ impl Args {
             machine,
             layout,
             extent: (!program.streams()).then_some(extent),
-            way: Way::of(&program, extent),
+            scale: Scale::of(&program, extent),
             program,
             events,
             claims,
@@ -195,7 +195,7 @@ impl Args {
             layout,
             program,
             extent,
-            way,
+            scale,
             time_bounds,
             events,
             claims,
@@ -229,7 +229,7 @@ impl Args {
             last_moved: 0.0,
         };
         let mut failure = None;
-        let (bar, mut shown) = (way.bar(), 0);
+        let (bar, mut shown) = (scale.bar(), 0);
         let mut repeats = Repeats::default();
         let tell_counted = |counted: Vec<(MachineEvent, u64)>| {
             for (event, more) in counted {
@@ -241,7 +241,7 @@ impl Args {
         while session.advance() != Progress::Ended {
             let now = Duration::from_nanos(session.timeline().now().as_nanos());
             let status = session.status();
-            bar.set_position(way.position(status));
+            bar.set_position(scale.position(status));
             if shown != status.line {
                 shown = status.line;
                 bar.set_message(format!("line {shown}"));

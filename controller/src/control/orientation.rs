@@ -32,7 +32,7 @@ struct Orienting {
     /// In this cycle it was told to stand.
     since: u64,
     /// Once it has come to rest: the cycle at whose SYNC it sets off, and its way from there, turns.
-    way: Option<(u64, Profile)>,
+    turn: Option<(u64, Profile)>,
     /// For so many cycles in a row it has been there.
     there: u32,
     /// It has stood there since it was told.
@@ -50,7 +50,7 @@ impl Orienting {
         Self {
             told,
             since,
-            way: None,
+            turn: None,
             there: 0,
             reached: false,
             off: 0,
@@ -60,7 +60,7 @@ impl Orienting {
     /// How fast it is to turn in the cycle behind the next SYNC, turns/s, where the last SYNC was that of `cycle`, and where the
     /// spindle was so many cycles before it.
     fn velocity(&mut self, cycle: u64, turns: f64, age: u32, following: &Following) -> f64 {
-        let Some((since, profile)) = &self.way else {
+        let Some((since, profile)) = &self.turn else {
             return 0.0;
         };
         let Following {
@@ -75,7 +75,7 @@ impl Orienting {
         let seen = cycle as f64 - *since as f64 - f64::from(age);
         let error = at(seen - delay / period).p - turns;
         if error.abs() > furthest {
-            self.way = None;
+            self.turn = None;
             self.since = cycle;
             return 0.0;
         }
@@ -84,7 +84,7 @@ impl Orienting {
 
     fn is_over(&self, cycle: u64, period: f64) -> bool {
         let elapsed = |since: u64| cycle.saturating_sub(since) as f64 * period;
-        (self.way.as_ref()).is_some_and(|(since, way)| elapsed(*since) >= way.duration())
+        (self.turn.as_ref()).is_some_and(|(since, turn)| elapsed(*since) >= turn.duration())
     }
 }
 
@@ -138,7 +138,7 @@ impl<const N: usize> Controller<N> {
             .unwrap_or(Orienting::new(told, cycle));
         let stood = cycle - orienting.since;
         let rests = u64::from(node.still()).min(stood) >= u64::from(still);
-        if orienting.way.is_none() && fresh && rests {
+        if orienting.turn.is_none() && fresh && rests {
             let from = State::at_rest(sample.turns);
             let way = match orienting.reached {
                 true => Way::Shorter,
@@ -147,8 +147,8 @@ impl<const N: usize> Controller<N> {
             let turns = way.turns(told.angle / TURN - sample.turns);
             let to = State::at_rest(sample.turns + turns);
             let problem = state_to_state::Problem::new(from, to, spec.limits);
-            let way = state_to_state::plan(&problem, 0.0).ok();
-            orienting.way = way.map(|way| (cycle + 1, way));
+            let turn = state_to_state::plan(&problem, 0.0).ok();
+            orienting.turn = turn.map(|turn| (cycle + 1, turn));
         }
         let velocity = orienting.velocity(cycle, sample.turns, sample.age, &following);
         let near = self

@@ -21,14 +21,14 @@ pub(super) struct AlongSamples<const N: usize> {
     begun: Option<u64>,
     /// They have been at the last one, or come to rest before.
     over: bool,
-    /// Length of the way along them, mm, once they are over.
-    way: f64,
+    /// Length of the path along them, mm, once they are over.
+    length: f64,
 }
 
 impl<const N: usize> AlongSamples<N> {
     /// A state of the path that goes on behind them.
     pub(super) fn behind(&self, planned: Setpoint<N>) -> Setpoint<N> {
-        let distance = planned.distance + self.way;
+        let distance = planned.distance + self.length;
         Setpoint {
             distance,
             ..planned
@@ -97,8 +97,9 @@ impl<const N: usize> Controller<N> {
                 next.jerk[axis] = jerk;
             }
         }
-        let way = std::array::from_fn(|axis| next.position[axis] - self.planned.position[axis]);
-        next.distance = self.planned.distance + path_norm::<N>(&way);
+        let displacement =
+            std::array::from_fn(|axis| next.position[axis] - self.planned.position[axis]);
+        next.distance = self.planned.distance + path_norm::<N>(&displacement);
         if !motion.rests(time) {
             next.speed = path_norm(&next.velocity);
         }
@@ -114,10 +115,10 @@ impl<const N: usize> Controller<N> {
         };
         let is_over = since as f64 * self.layout.cycle.as_secs_f64() >= motion.duration();
         if is_over {
-            let way = self.planned.distance;
+            let length = self.planned.distance;
             self.along_samples.abort();
             self.rest_here();
-            self.along_samples.way = way;
+            self.along_samples.length = length;
         }
         is_over
     }
@@ -128,7 +129,7 @@ impl<const N: usize> Controller<N> {
             let travel = self.travel();
             self.executor.stop_beside(&self.planned, &travel);
             self.shaping.bypass();
-            self.along_samples.way = self.planned.distance;
+            self.along_samples.length = self.planned.distance;
         }
         self.along_samples.abort();
     }

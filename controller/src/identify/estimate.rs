@@ -169,7 +169,10 @@ pub fn estimate(samples: &[AxisSample], shaft: &Shaft) -> Result<Estimate, NotEs
     let sampled = sampled(samples, shaft)?;
     let motion = |settling| motion(&sampled, shaft, settling);
     let stiff = motion(SETTLING);
-    let moving = stiff.iter().filter(|sample| sample.way != 0.0).count();
+    let moving = stiff
+        .iter()
+        .filter(|sample| sample.direction != 0.0)
+        .count();
     let moves = moving as f64 * shaft.cycle;
     if moves < LEAST {
         return Err(NotEstimated::Rests { moves });
@@ -394,7 +397,7 @@ fn motion(samples: &[Sample], shaft: &Shaft, settling: f64) -> Vec<Sample> {
     let mut motion = samples.to_vec();
     let still = STILL * shaft.resolution * shaft.radians;
     let settling = (settling / shaft.cycle).ceil() as usize;
-    let (mut way, mut lasts) = (0.0, 0);
+    let (mut direction, mut lasts) = (0.0, 0);
     for at in 1..motion.len().saturating_sub(1) {
         let moved = motion[at + 1].angle - motion[at - 1].angle;
         // NaN, of what is not known, is no motion.
@@ -402,9 +405,9 @@ fn motion(samples: &[Sample], shaft: &Shaft, settling: f64) -> Vec<Sample> {
             true => moved.signum(),
             false => 0.0,
         };
-        lasts = if goes == way { lasts + 1 } else { 0 };
-        way = goes;
-        motion[at].way = if lasts >= settling { way } else { 0.0 };
+        lasts = if goes == direction { lasts + 1 } else { 0 };
+        direction = goes;
+        motion[at].direction = if lasts >= settling { direction } else { 0.0 };
     }
     motion
 }
@@ -430,7 +433,7 @@ fn sampled(samples: &[AxisSample], shaft: &Shaft) -> Result<Vec<Sample>, NotEsti
             angle: sample.act * radians,
             set: sample.set * radians,
             torque: f64::from(torque) * 1e-3 * shaft.rated_torque,
-            way: 0.0,
+            direction: 0.0,
         };
         let before = motion.last().copied().unwrap_or(next);
         let unknown = if whole > BRIDGED { f64::NAN } else { 0.0 };
@@ -440,7 +443,7 @@ fn sampled(samples: &[AxisSample], shaft: &Shaft) -> Result<Vec<Sample>, NotEsti
                 angle: before.angle + part * (next.angle - before.angle) + unknown,
                 set: before.set + part * (next.set - before.set),
                 torque: before.torque + part * (next.torque - before.torque),
-                way: 0.0,
+                direction: 0.0,
             });
         }
         motion.push(next);

@@ -58,11 +58,11 @@ pub fn response(samples: &[AxisSample], shaft: &Shaft, estimate: &Estimate) -> V
     // Of torque, of speed, and of both.
     let mut powers = vec![[0.0; 4]; *bins.end() + 1];
     let mut stretches = 0;
-    for way in ways(samples, shaft) {
+    for stroke in strokes(samples, shaft) {
         let mut first = 0;
-        while first + rows <= way.len() {
+        while first + rows <= stroke.len() {
             let column = |of: fn(&Moving) -> f64| -> Vec<f64> {
-                way[first..first + rows].iter().map(of).collect()
+                stroke[first..first + rows].iter().map(of).collect()
             };
             let torque = window.weighted(&column(|it| it.torque));
             let speed = window.weighted(&column(|it| it.speed));
@@ -120,26 +120,26 @@ struct Moving {
 }
 
 /// The rows of a log in motion, a run of them for each stretch one way without a rest or a gap.
-fn ways(samples: &[AxisSample], shaft: &Shaft) -> Vec<Vec<Moving>> {
-    let mut ways = Vec::new();
+fn strokes(samples: &[AxisSample], shaft: &Shaft) -> Vec<Vec<Moving>> {
+    let mut strokes = Vec::new();
     for [angles, torques] in without_gaps(samples, shaft) {
-        let mut way: Vec<Moving> = Vec::new();
+        let mut stroke: Vec<Moving> = Vec::new();
         for row in 1..angles.len().saturating_sub(1) {
             let moved = angles[row + 1] - angles[row - 1];
             let speed = moved / (2.0 * shaft.cycle);
             let rests = moved.abs() < STILL * shaft.resolution * shaft.radians;
-            let turns = way.last().is_some_and(|it| it.speed * speed < 0.0);
+            let turns = stroke.last().is_some_and(|it| it.speed * speed < 0.0);
             if rests || turns {
-                ways.push(std::mem::take(&mut way));
+                strokes.push(std::mem::take(&mut stroke));
             }
             if !rests {
                 let torque = torques[row];
-                way.push(Moving { torque, speed });
+                stroke.push(Moving { torque, speed });
             }
         }
-        ways.push(way);
+        strokes.push(stroke);
     }
-    ways
+    strokes
 }
 
 /// Angles and torques at every cycle, a pair of columns from each gap to the next; short ones are bridged.

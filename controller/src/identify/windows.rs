@@ -56,7 +56,7 @@ pub(super) struct Sample {
     /// N·m.
     pub(super) torque: f64,
     /// Which way the axis has been moving for a while, 1 or −1; 0 if it has not.
-    pub(super) way: f64,
+    pub(super) direction: f64,
 }
 
 /// What is looked at.
@@ -141,8 +141,8 @@ impl View {
 }
 
 fn goes_one_way(samples: &[Sample]) -> bool {
-    let way = samples[0].way;
-    way != 0.0 && samples.iter().all(|sample| sample.way == way)
+    let direction = samples[0].direction;
+    direction != 0.0 && samples.iter().all(|sample| sample.direction == direction)
 }
 
 /// Real and imaginary part.
@@ -220,7 +220,7 @@ impl Window {
             integral(sets.iter().map(|it| it.set - sets[0].set), window)
         });
         let minus = |[real, imaginary]: Complex| [-real, -imaginary];
-        let directed = self.area.map(|area| seen[0].way * area);
+        let directed = self.area.map(|area| seen[0].direction * area);
         let equation: [Complex; SEEN + 2] = [
             angle(2),
             directed,
@@ -329,7 +329,7 @@ mod tests {
                 angle: sine,
                 set: sine,
                 torque: -omega * omega * sine,
-                way: 1.0,
+                direction: 1.0,
             }
         };
         let samples: Vec<_> = (0..length).map(sample).collect();
@@ -358,7 +358,7 @@ mod tests {
                 angle: (omega * time).sin(),
                 set: 0.0,
                 torque: -omega * omega * (omega * (time - delay)).sin(),
-                way: 1.0,
+                direction: 1.0,
             }
         };
         let samples: Vec<_> = (0..length).map(sample).collect();

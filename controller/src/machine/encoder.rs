@@ -301,7 +301,7 @@ fn check_divider(
     let closes_loop = axis
         .and_then(|axis| axis.feedback)
         .is_some_and(|it| it.closes_loop);
-    let way = axis.map_or(0.0, |axis| axis.limits.velocity * apart.as_secs_f64());
+    let travel = axis.map_or(0.0, |axis| axis.limits.velocity * apart.as_secs_f64());
     let problem = if encoder.sync_divider == 1 {
         return;
     } else if closes_loop {
@@ -312,9 +312,9 @@ fn check_divider(
             apart.as_secs_f64() * 1e3,
             OFTEN_ENOUGH.as_secs_f64() * 1e3
         )
-    } else if let Some(range) = range.filter(|range| way >= range / 2.0) {
+    } else if let Some(range) = range.filter(|range| travel >= range / 2.0) {
         format!(
-            "its axis may go {way:.3} from one position to the next, which is not less than half of {range:.3}"
+            "its axis may go {travel:.3} from one position to the next, which is not less than half of {range:.3}"
         )
     } else {
         return;

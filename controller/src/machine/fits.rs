@@ -384,13 +384,13 @@ pub(super) fn check_loops(log: &mut Log<'_>, machine: &Machine, places: &[Range<
         if !spec.answers_sync && !axis.feedback.is_some_and(|it| it.closes_loop) {
             // As old as the answer to the last request but one, which is heard in the cycle after it.
             let old = POLL + spec.sdo_response + machine.cycle;
-            let way = axis.limits.velocity * old.as_secs_f64();
+            let travel = axis.limits.velocity * old.as_secs_f64();
             log.report(
                 place.clone(),
                 format!(
                     "axis \"{name}\": drive \"{who}\" ({title}) is sent velocities, and does not tell its \
                      position at every SYNC; asked by SDO every {} ms it would be up to {:.1} ms old, in \
-                     which the axis goes {way:.2} mm",
+                     which the axis goes {travel:.2} mm",
                     POLL.as_millis(),
                     old.as_secs_f64() * 1e3
                 ),

@@ -100,9 +100,9 @@ fn picture(circle: &CircleSummary, other: Option<&CircleSummary>) -> String {
         _ = write!(svg, "<circle class=ring cx={x} cy={y} r={radius:.1} />");
     }
     if let Some(other) = other {
-        svg += &way(&other.profile, pixels, "act");
+        svg += &polyline(&other.profile, pixels, "act");
     }
-    svg += &way(&circle.profile, pixels, "set");
+    svg += &polyline(&circle.profile, pixels, "set");
     let mut axes = circle.plane.chars();
     let [across, up] = [axes.next(), axes.next()].map(Option::unwrap_or_default);
     _ = write!(
@@ -128,7 +128,7 @@ fn picture(circle: &CircleSummary, other: Option<&CircleSummary>) -> String {
 }
 
 /// The way of a tool, so many pixels for a mm of deviation.
-fn way(profile: &[(f64, f64)], pixels: f64, class: &str) -> String {
+fn polyline(profile: &[(f64, f64)], pixels: f64, class: &str) -> String {
     let mut d = String::new();
     let mut last = (f64::NAN, f64::NAN);
     for (n, (angle, off)) in profile.iter().enumerate() {

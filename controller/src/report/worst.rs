@@ -61,9 +61,9 @@ fn picture(report: &Report, time: f64) -> Option<String> {
         let off = report.off_path[n];
         [0, 1, 2].map(|at| axes[at].map_or(0.0, |axis| axis.act[n] - off[at]))
     };
-    let ways: Vec<[f64; 3]> = rows.iter().map(|&n| programmed(n)).collect();
+    let points: Vec<[f64; 3]> = rows.iter().map(|&n| programmed(n)).collect();
     let size = |at: usize| {
-        let seen = extent(ways.iter().map(|it| it[at])).unwrap_or((0.0, 0.0));
+        let seen = extent(points.iter().map(|it| it[at])).unwrap_or((0.0, 0.0));
         let off = extent(rows.iter().map(|&n| report.off_path[n][at])).unwrap_or((0.0, 0.0));
         // An axis along which there is an error is worth seeing, too.
         (seen.1 - seen.0).hypot(100.0 * (off.1 - off.0))
@@ -72,8 +72,8 @@ fn picture(report: &Report, time: f64) -> Option<String> {
     let shown: Vec<usize> = (0..3).filter(|at| *at != least).collect();
     let [across, up] = [shown[0], shown[1]];
     let (x, y) = (
-        extent(ways.iter().map(|it| it[across]))?,
-        extent(ways.iter().map(|it| it[up]))?,
+        extent(points.iter().map(|it| it[across]))?,
+        extent(points.iter().map(|it| it[up]))?,
     );
     let pixels = ((WIDTH - 2.0 * MARGIN) / (x.1 - x.0).max(1e-3))
         .min((HEIGHT - 2.0 * MARGIN) / (y.1 - y.0).max(1e-3));
@@ -91,10 +91,13 @@ fn picture(report: &Report, time: f64) -> Option<String> {
     };
     let (mut path, mut tool, mut here) = (String::new(), String::new(), None);
     let mut nearest = f64::INFINITY;
-    for (&n, way) in rows.iter().zip(&ways) {
+    for (&n, point) in rows.iter().zip(&points) {
         let off = report.off_path[n];
-        let on = at([way[across], way[up]]);
-        let beside = at([way[across] + times * off[across], way[up] + times * off[up]]);
+        let on = at([point[across], point[up]]);
+        let beside = at([
+            point[across] + times * off[across],
+            point[up] + times * off[up],
+        ]);
         let pen = if path.is_empty() { 'M' } else { 'L' };
         _ = write!(path, "{pen}{:.1} {:.1}", on.0, on.1);
         _ = write!(tool, "{pen}{:.1} {:.1}", beside.0, beside.1);

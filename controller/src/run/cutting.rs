@@ -21,7 +21,7 @@ pub(super) struct Cutting {
     cuts: Vec<Cut>,
     along: Option<PathForces>,
     drives: Vec<Pushed>,
-    way: Way,
+    travel: PathTravel,
 }
 
 /// A drive of an axis that moves the tool.
@@ -35,7 +35,7 @@ struct Pushed {
 
 /// How far the path of a program has come, mm: plans behind a probing, a homing or a thread begin at 0 again.
 #[derive(Default)]
-struct Way {
+struct PathTravel {
     job: Option<u64>,
     /// The last search behind which a plan began …
     search: Option<u32>,
@@ -45,7 +45,7 @@ struct Way {
     planned: f64,
 }
 
-impl Way {
+impl PathTravel {
     /// Goes on to a SYNC, at which the path of this job has come so far by its plan.
     fn go_on(&mut self, job: u64, search: Option<u32>, planned: f64) -> f64 {
         if self.job != Some(job) {
@@ -85,7 +85,7 @@ impl Cutting {
             cuts: machine.cuts.clone(),
             along: machine.path_forces.clone(),
             drives,
-            way: Way::default(),
+            travel: PathTravel::default(),
         })
     }
 
@@ -116,9 +116,9 @@ impl Cutting {
         let (Some(job), Some(along)) = (job, &self.along) else {
             return [0.0; 3];
         };
-        let way = self.way.go_on(job.number, search, plan.distance);
+        let travel = self.travel.go_on(job.number, search, plan.distance);
         match plan.speed > 0.0 {
-            true => along.at(way),
+            true => along.at(travel),
             false => [0.0; 3],
         }
     }
@@ -182,18 +182,18 @@ mod tests {
         fn a_program_goes_on_behind_its_searches(
             jobs in prop::collection::vec(prop::collection::vec((0.0..500.0_f64, 0.0..1.0_f64, any::<bool>()), 1..5), 1..4),
         ) {
-            let mut way = Way::default();
+            let mut travel = PathTravel::default();
             for (job, plans) in jobs.iter().enumerate() {
                 let mut before = 0.0;
                 let mut search = None;
                 for (number, (length, back, told_late)) in plans.iter().enumerate() {
                     for planned in [0.0, *length, back * length, *length] {
-                        prop_assert_eq!(way.go_on(job as u64, search, planned), before + planned);
+                        prop_assert_eq!(travel.go_on(job as u64, search, planned), before + planned);
                     }
                     search = Some(number as u32 + 1);
                     before += length;
                     if *told_late {
-                        let _ = way.go_on(job as u64, search, *length);
+                        let _ = travel.go_on(job as u64, search, *length);
                     }
                 }
             }

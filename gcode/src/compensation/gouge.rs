@@ -87,7 +87,7 @@ enum Role {
 
 /// A part of the tool's way.
 #[derive(Clone, Copy, Debug)]
-struct Way {
+struct ToolPath {
     segment: Segment,
     height: [f64; 2],
     line: u32,
@@ -98,7 +98,7 @@ struct Way {
 /// What is cut, if it is a wall.
 #[derive(Debug)]
 struct Suspect {
-    way: Way,
+    tool_path: ToolPath,
     wall: usize,
     /// The block that was read last of the two.
     origin: Origin,
@@ -118,7 +118,7 @@ struct Contact {
 pub(crate) struct GougeCheck {
     radius: f64,
     walls: Nearby<Wall>,
-    ways: Nearby<Way>,
+    tool_paths: Nearby<ToolPath>,
     /// All of them since the contour began or closed last.
     suspects: Vec<Suspect>,
     /// The first wall since then, and how many level blocks.
@@ -136,7 +136,7 @@ impl GougeCheck {
         GougeCheck {
             radius,
             walls: Nearby::new(),
-            ways: Nearby::new(),
+            tool_paths: Nearby::new(),
             suspects: Vec::new(),
             since: 0,
             blocks: 0,
@@ -195,9 +195,9 @@ impl GougeCheck {
     }
 
     /// Takes what the tool goes along.
-    pub(crate) fn way(
+    pub(crate) fn tool_path(
         &mut self,
-        way: Segment,
+        tool_path: Segment,
         heights: [f64; 2],
         on: bool,
         origin: &Origin,
@@ -205,27 +205,27 @@ impl GougeCheck {
         if on && !is_level(heights) {
             return Ok(());
         }
-        for (segment, height) in parts(way, heights) {
+        for (segment, height) in parts(tool_path, heights) {
             let line = origin.span.line;
-            let way = Way {
+            let tool_path = ToolPath {
                 segment,
                 height,
                 line,
                 on,
             };
-            for number in self.walls.near(&way.bounds(), self.reach()) {
+            for number in self.walls.near(&tool_path.bounds(), self.reach()) {
                 if let Some(wall) = self.walls.get(number).copied()
-                    && let Some(depth) = self.depth(&way, &wall)
+                    && let Some(depth) = self.depth(&tool_path, &wall)
                 {
                     let fault = Fault::CutterCuts {
                         line: wall.line,
                         depth,
                         radius: self.radius,
                     };
-                    self.suspect(way, (number, &wall), fault, origin)?;
+                    self.suspect(tool_path, (number, &wall), fault, origin)?;
                 }
             }
-            self.ways.push(way);
+            self.tool_paths.push(tool_path);
         }
         Ok(())
     }
@@ -243,10 +243,10 @@ impl GougeCheck {
             let Some(mut wall) = self.walls.get(suspect.wall).copied() else {
                 return Err(suspect.origin.refuse(suspect.refused));
             };
-            if suspect.way.on && !self.closed {
+            if suspect.tool_path.on && !self.closed {
                 wall.without_start(self.radius - wall.before);
             }
-            if self.depth(&suspect.way, &wall).is_some() {
+            if self.depth(&suspect.tool_path, &wall).is_some() {
                 return Err(suspect.origin.refuse(suspect.refused));
             }
         }
@@ -254,7 +254,7 @@ impl GougeCheck {
     }
 
     /// Judges the way off the contour, behind its end.
-    pub(crate) fn way_off(
+    pub(crate) fn tool_path_off(
         &self,
         segment: Segment,
         heights: [f64; 2],
@@ -263,13 +263,13 @@ impl GougeCheck {
         if !is_level(heights) || segment.length() < SHORT {
             return Ok(());
         }
-        let way = Way {
+        let tool_path = ToolPath {
             segment,
             height: heights,
             line: origin.span.line,
             on: false,
         };
-        for number in self.walls.near(&way.bounds(), self.reach()) {
+        for number in self.walls.near(&tool_path.bounds(), self.reach()) {
             let Some(mut wall) = self.walls.get(number).copied() else {
                 continue;
             };
@@ -277,7 +277,7 @@ impl GougeCheck {
                 let behind = self.length - wall.before - wall.segment.length();
                 wall.without_end(self.radius - behind);
             }
-            if let Some(depth) = self.depth(&way, &wall) {
+            if let Some(depth) = self.depth(&tool_path, &wall) {
                 return Err(origin.refuse(Fault::CutterCuts {
                     line: wall.line,
                     depth,
@@ -293,27 +293,27 @@ impl GougeCheck {
     }
 
     /// How deep the tool cuts into a wall, where that is more than is allowed, mm.
-    fn depth(&self, way: &Way, wall: &Wall) -> Option<f64> {
+    fn depth(&self, tool_path: &ToolPath, wall: &Wall) -> Option<f64> {
         if wall.is == Role::Leads {
             return None;
         }
-        let distance = way.segment.distance(&wall.segment);
+        let distance = tool_path.segment.distance(&wall.segment);
         (distance < self.reach()).then_some(self.radius - distance)
     }
 
     /// Takes a wall and measures it against all that the tool went along.
     fn wall(&mut self, wall: Wall, origin: &Origin) -> Result<(), Refusal> {
         let number = self.walls.end();
-        for way in self.ways.near(&wall.bounds(), self.reach()) {
-            if let Some(way) = self.ways.get(way).copied()
-                && let Some(depth) = self.depth(&way, &wall)
+        for tool_path in self.tool_paths.near(&wall.bounds(), self.reach()) {
+            if let Some(tool_path) = self.tool_paths.get(tool_path).copied()
+                && let Some(depth) = self.depth(&tool_path, &wall)
             {
                 let fault = Fault::CutterHasCut {
-                    line: way.line,
+                    line: tool_path.line,
                     depth,
                     radius: self.radius,
                 };
-                self.suspect(way, (number, &wall), fault, origin)?;
+                self.suspect(tool_path, (number, &wall), fault, origin)?;
             }
         }
         self.walls.push(wall);
@@ -323,18 +323,18 @@ impl GougeCheck {
     /// Refuses what cuts a wall, or keeps it in mind where that may be none.
     fn suspect(
         &mut self,
-        way: Way,
+        tool_path: ToolPath,
         (number, wall): (usize, &Wall),
         refused: Fault,
         origin: &Origin,
     ) -> Result<(), Refusal> {
-        let at_its_end = way.on && !self.closed && wall.before < self.radius;
+        let at_its_end = tool_path.on && !self.closed && wall.before < self.radius;
         let may_be = wall.is == Role::MayLead || at_its_end;
         if !may_be || self.suspects.len() >= MAX_SUSPECTS {
             return Err(origin.refuse(refused));
         }
         self.suspects.push(Suspect {
-            way,
+            tool_path,
             wall: number,
             origin: origin.clone(),
             refused,
@@ -395,7 +395,7 @@ impl GougeCheck {
         }
         for suspect in std::mem::take(&mut self.suspects) {
             let wall = self.walls.get(suspect.wall);
-            if wall.is_none_or(|wall| self.depth(&suspect.way, wall).is_some()) {
+            if wall.is_none_or(|wall| self.depth(&suspect.tool_path, wall).is_some()) {
                 return Err(suspect.origin.refuse(suspect.refused));
             }
         }
@@ -439,7 +439,7 @@ impl Bounded for Wall {
     }
 }
 
-impl Bounded for Way {
+impl Bounded for ToolPath {
     fn bounds(&self) -> Bounds {
         bounds(&self.segment, self.height)
     }

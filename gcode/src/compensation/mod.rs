@@ -220,8 +220,8 @@ impl Compensation {
     pub(crate) fn leave(&self, to: &Point, origin: &Origin) -> Result<(), Refusal> {
         let (from, ends) = (self.in_plane(&self.at), self.in_plane(to));
         let across = self.cutter.plane.axes()[2];
-        let way = Segment::Line { from, to: ends };
-        (self.check).way_off(way, [self.at[across], to[across]], origin)
+        let line = Segment::Line { from, to: ends };
+        (self.check).tool_path_off(line, [self.at[across], to[across]], origin)
     }
 
     /// Keeps what stands between two moves in the plane; before the first there is nothing to wait
@@ -403,7 +403,7 @@ impl Compensation {
             let to = self.out_of_plane(held.path.to(), held.end);
             let (from, ends) = (self.in_plane(&self.at), held.path.to());
             let heights = self.heights_to(&to);
-            (self.check).way(
+            (self.check).tool_path(
                 Segment::Line { from, to: ends },
                 heights,
                 true,
@@ -459,7 +459,7 @@ impl Compensation {
                 );
                 let arc = arc.map_err(|fault| origin.refuse(fault))?;
                 let heights = self.heights_to(&to);
-                self.check.way(path, heights, false, origin)?;
+                self.check.tool_path(path, heights, false, origin)?;
                 out.go(&mut self.at, Action::Arc { arc, feed }, origin)
             }
             // At rapid around a corner on tangents to the arc, which stay clear of the contour.
@@ -484,12 +484,12 @@ impl Compensation {
     /// Hands out a straight move along the contour.
     fn go(&mut self, action: Action, origin: &Origin, out: &mut Out<'_>) -> Result<(), Refusal> {
         if let Some(to) = action.destination() {
-            let way = Segment::Line {
+            let line = Segment::Line {
                 from: self.in_plane(&self.at),
                 to: self.in_plane(&to),
             };
-            if way.length() > SHORT {
-                (self.check).way(way, self.heights_to(&to), false, origin)?;
+            if line.length() > SHORT {
+                (self.check).tool_path(line, self.heights_to(&to), false, origin)?;
             }
         }
         out.go(&mut self.at, action, origin)

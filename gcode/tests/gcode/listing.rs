@@ -39,12 +39,12 @@ pub(crate) fn listing_with(setup: Setup, program: &str) -> String {
 pub(crate) fn begun_at(program: &mut Interpreter, line: u32) -> Result<Vec<Action>, Error> {
     let Entry {
         set_up,
-        way,
+        approach,
         with_motion,
         ..
     } = program.enter_at_line(line)?;
     let with_motion = with_motion.into_iter().map(Action::Output);
-    Ok(set_up.into_iter().chain(way).chain(with_motion).collect())
+    Ok(set_up.into_iter().chain(approach).chain(with_motion).collect())
 }
 
 /// One line an action of a line.

@@ -111,12 +111,12 @@ pub(super) fn rest_to_rest(from: f64, length: f64, bounds: Bounds) -> [JerkSegme
             ((v / j).sqrt(), 0.0)
         }
     };
-    let way = |v: f64| {
+    let ramps = |v: f64| {
         let (tj, ta) = ramp(v);
         v * (2.0 * tj + ta) // up and down again
     };
     let mut v = vmax;
-    if way(v) > length {
+    if ramps(v) > length {
         // Without constant acceleration: length = 2 v √(v/j); with it: length = v (a/j + v/a).
         let short = libm::cbrt(length * length * j / 4.0);
         v = if short * j <= amax * amax {
@@ -128,7 +128,7 @@ pub(super) fn rest_to_rest(from: f64, length: f64, bounds: Bounds) -> [JerkSegme
         v = v.min(vmax);
     }
     let (tj, ta) = ramp(v);
-    let cruise = ((length - way(v)) / v).max(0.0);
+    let cruise = ((length - ramps(v)) / v).max(0.0);
     let a = j * tj;
     let shape = [
         (tj, j, 0.0),

@@ -315,11 +315,11 @@ impl<const N: usize> ShortSegments<N> {
         let points = &self.points[..=lines];
         let whole: f64 = points
             .windows(2)
-            .map(|pair| way(&pair[0].0, &pair[1].0))
+            .map(|pair| length_between(&pair[0].0, &pair[1].0))
             .sum();
         let mut done = 0.0;
         let place = |(k, (point, _)): (usize, &([f64; N], u32))| {
-            done += way(&points[k].0, point);
+            done += length_between(&points[k].0, point);
             match curve {
                 Curve::Poly(poly) => poly.length_to(done / whole),
                 _ => nearest(curve, point),
@@ -350,7 +350,7 @@ impl<const N: usize> ShortSegments<N> {
         // The lengths of the short segments, from the first point on.
         let mut at = [0.0; MOST + 1];
         for k in 1..=ahead {
-            at[k] = at[k - 1] + way(&self.points[k - 1].0, &self.points[k].0);
+            at[k] = at[k - 1] + length_between(&self.points[k - 1].0, &self.points[k].0);
         }
         let length = at[ahead];
         // Coefficients by powers of the part of the length. What the knot gives is not free.
@@ -491,7 +491,7 @@ fn solve<const N: usize>(
 }
 
 /// Length of the line between two points, by the tool's axes.
-fn way<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
+fn length_between<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
     let squares = (0..N.min(3)).map(|i| (b[i] - a[i]) * (b[i] - a[i]));
     squares.sum::<f64>().sqrt()
 }

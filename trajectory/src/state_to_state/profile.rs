@@ -76,9 +76,9 @@ impl Route {
                 settles.then_some(share),
                 |reached, cruise| {
                     let miss = (Double::from(distance) - reached).value();
-                    let way = fastest * cruise;
+                    let cruised = fastest * cruise;
                     // A short cruise would pay with its velocity for a distance that is missed by less.
-                    let costs = miss.abs() > TOO_MUCH * way && distance.abs() > way;
+                    let costs = miss.abs() > TOO_MUCH * cruised && distance.abs() > cruised;
                     (meets && !costs).then_some(miss)
                 },
             );

@@ -59,8 +59,8 @@ proptest! {
 
     /// A rounding of the velocity decides whether such a start is over the limit: either way it is brought back.
     #[test]
-    fn a_start_on_its_last_ramp_lands((start, limits) in landing(), way in -1e3..1e3_f64) {
-        let problem = Problem::new(start, State::at_rest(way), limits);
+    fn a_start_on_its_last_ramp_lands((start, limits) in landing(), distance in -1e3..1e3_f64) {
+        let problem = Problem::new(start, State::at_rest(distance), limits);
         let plan = plan(&problem, 0.0).unwrap();
         prop_assert!(verify::axis(&plan, &problem).holds(1e-10), "{:?}", verify::axis(&plan, &problem));
     }
@@ -87,10 +87,10 @@ proptest! {
         v in decades(1.0, 3.0),
         a in decades(6.0, 10.0),
         j in decades(3.0, 5.0),
-        way in decades(-3.0, 3.0),
+        distance in decades(-3.0, 3.0),
         longer in decades(-6.0, 0.0),
     ) {
-        let problem = Problem::new(State::at_rest(100.0), State::at_rest(100.0 + way), Limits::symmetric(v, a, j));
+        let problem = Problem::new(State::at_rest(100.0), State::at_rest(100.0 + distance), Limits::symmetric(v, a, j));
         let duration = plan(&problem, 0.0).unwrap().duration() * (1.0 + longer);
         let plan = plan(&problem, duration).unwrap();
         let jerk = plan.extrema().jerk;

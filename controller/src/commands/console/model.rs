@@ -149,9 +149,9 @@ fn read(file: &Path) -> Option<String> {
 /// How fast those axes moved between two looks whose speed F counts in what is planned; `None` where no time has passed.
 fn actual_speed(before: &Status, now: &Status) -> Option<f64> {
     let passed = now.time? - before.time?;
-    let ways = moved(&array::from_fn(|at| now.actual[at] - before.actual[at]));
-    let way = ways[counted(&moved(&now.velocity)).unwrap_or_default()];
-    (passed > 0.0).then(|| way / passed)
+    let distances = moved(&array::from_fn(|at| now.actual[at] - before.actual[at]));
+    let distance = distances[counted(&moved(&now.velocity)).unwrap_or_default()];
+    (passed > 0.0).then(|| distance / passed)
 }
 
 #[cfg(test)]

@@ -20,7 +20,7 @@ pub(in crate::control) enum Test {
     /// One is to be made.
     Due,
     /// It goes there.
-    Out(Way),
+    Out(Stroke),
     /// It went there, which is near enough.
     Passed {
         /// So many times as far as it was sent.
@@ -36,7 +36,7 @@ pub(in crate::control) enum Test {
 
 /// A move under way.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::control) struct Way {
+pub(in crate::control) struct Stroke {
     /// Where the plan was as it began, mm.
     from: f64,
     /// Where it leads, mm.
@@ -88,15 +88,15 @@ impl AxisControl {
         for (side, began) in began.iter_mut().enumerate().take(self.sides.len()) {
             *began = self.told(cycle, side, nodes);
         }
-        let way = Way {
+        let stroke = Stroke {
             from,
             to: from + if is_inside { distance } else { -distance },
             began,
             sent: [0.0; 2],
             rests: 0,
         };
-        self.test = Test::Out(way);
-        Some((way.to, test.speed()))
+        self.test = Test::Out(stroke);
+        Some((stroke.to, test.speed()))
     }
 
     /// Looks how far its sides have gone of what they have been sent; `settling` cycles behind the end of the move that
@@ -107,35 +107,35 @@ impl AxisControl {
         settling: u64,
         nodes: &[DeviceNode],
     ) -> Result<(), Fault> {
-        let (Test::Out(mut way), Some(test)) = (self.test, self.spec.homing.test_move) else {
+        let (Test::Out(mut stroke), Some(test)) = (self.test, self.spec.homing.test_move) else {
             return Ok(());
         };
         let planned = self.history.planned(cycle, 0.0);
-        let rests = planned.velocity == 0.0 && (planned.position - way.to).abs() < 1e-6;
-        way.rests = if rests { way.rests + 1 } else { 0 };
+        let rests = planned.velocity == 0.0 && (planned.position - stroke.to).abs() < 1e-6;
+        stroke.rests = if rests { stroke.rests + 1 } else { 0 };
         let mut worst = 1.0_f64;
         for side in 0..self.sides.len() {
             let node = &nodes[self.spec.drives[side]];
             let Some(velocity) = sent_velocity(node) else {
                 continue;
             };
-            let went = self.told(cycle, side, nodes) - way.began[side];
-            let factor = went / nonzero(way.sent[side], node.scaling().resolution());
-            if (went - way.sent[side]).abs() > test.most_off() {
+            let went = self.told(cycle, side, nodes) - stroke.began[side];
+            let factor = went / nonzero(stroke.sent[side], node.scaling().resolution());
+            if (went - stroke.sent[side]).abs() > test.most_off() {
                 return Err(Fault::Axis(self.index, AxisCause::TestMove { factor }));
             }
-            way.sent[side] += velocity * self.period;
+            stroke.sent[side] += velocity * self.period;
             if (factor - 1.0).abs() > (worst - 1.0).abs() {
                 worst = factor;
             }
         }
-        self.test = Test::Out(way);
-        if way.rests > settling {
+        self.test = Test::Out(stroke);
+        if stroke.rests > settling {
             if (worst - 1.0).abs() > TestMove::TOLERANCE {
                 let cause = AxisCause::TestMove { factor: worst };
                 return Err(Fault::Axis(self.index, cause));
             }
-            let (factor, back, speed) = (worst, way.from, test.speed());
+            let (factor, back, speed) = (worst, stroke.from, test.speed());
             (self.tested, self.test) = (
                 true,
                 Test::Passed {

@@ -200,14 +200,15 @@ impl<const N: usize> Controller<N> {
         let along =
             |a: &[f64; N], b: &[f64; N]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
         let plan = &self.planned;
-        let mut way: [f64; N] = array::from_fn(|at| plan.position[at] - began[at]);
+        let mut displacement: [f64; N] = array::from_fn(|at| plan.position[at] - began[at]);
         let speed = along(&approach, &approach);
-        let back = along(&way, &approach).min(0.0) / speed.max(f64::MIN_POSITIVE);
-        for (way, approach) in way.iter_mut().zip(&approach) {
-            *way -= back * approach;
+        let back = along(&displacement, &approach).min(0.0) / speed.max(f64::MIN_POSITIVE);
+        for (displacement, approach) in displacement.iter_mut().zip(&approach) {
+            *displacement -= back * approach;
         }
-        let is_further = along(&way, &way).sqrt() > self.layout.probing.overtravel;
-        let goes_on = along(&way, &plan.velocity) > 0.0;
+        let is_further =
+            along(&displacement, &displacement).sqrt() > self.layout.probing.overtravel;
+        let goes_on = along(&displacement, &plan.velocity) > 0.0;
         let presses = is_further && goes_on && !self.probes() && self.phase == Phase::Program;
         if presses && !self.probing.pressed {
             self.tell(Event::Touched);
@@ -277,12 +278,16 @@ impl<const N: usize> Controller<N> {
 
     /// Whether the axes come to rest near enough behind the contact.
     fn check_overtravel(&self, next: &ProbeMove<N>) -> Result<(), ProbeFailure> {
-        let way: [f64; N] = std::array::from_fn(|at| next.to[at] - self.planned.position[at]);
-        let along = self.layout.path_axes().map(|axis| way[axis.coordinate]);
+        let displacement: [f64; N] =
+            std::array::from_fn(|at| next.to[at] - self.planned.position[at]);
+        let along = self
+            .layout
+            .path_axes()
+            .map(|axis| displacement[axis.coordinate]);
         let length = along.map(|by| by * by).sum::<f64>().sqrt();
         let (mut speed, mut acceleration, mut jerk) = (next.speed, f64::INFINITY, f64::INFINITY);
         for axis in self.layout.path_axes() {
-            let share = way[axis.coordinate].abs() / length;
+            let share = displacement[axis.coordinate].abs() / length;
             speed = speed.min(axis.limits.velocity / share);
             acceleration = acceleration.min(axis.limits.acceleration / share);
             jerk = jerk.min(axis.limits.jerk / share);

@@ -63,7 +63,7 @@ impl Program {
                     opening.push_back(Opening::Act(Box::new(act)));
                 }
             }
-            None => opening.extend(entry.way.iter().cloned().map(act)),
+            None => opening.extend(entry.approach.iter().cloned().map(act)),
         }
         let with_motion = entry.with_motion.iter().copied().map(Action::Output);
         opening.extend(with_motion.map(act));

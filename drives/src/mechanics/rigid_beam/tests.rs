@@ -78,8 +78,8 @@ fn equal_torques_move_the_whole_mass_and_turn_nothing() {
     let (along, around) = rates(&motions);
     assert_close(along, acceleration * 0.1);
     assert!(around.abs() < 1e-12, "{around}");
-    let way = motions[0].position * 0.02;
-    assert_close(way, 0.5 * acceleration * 0.01);
+    let travel = motions[0].position * 0.02;
+    assert_close(travel, 0.5 * acceleration * 0.01);
 }
 
 #[test]

@@ -686,7 +686,7 @@ mod tests {
                     (resistance * induced).powi(2) + impedance * (most * most - induced * induced);
                 let drives = (square.sqrt() - resistance * induced) / impedance;
                 let brakes = (-square.sqrt() - resistance * induced) / impedance;
-                for (torque, way, expected) in [
+                for (torque, direction, expected) in [
                     (1e3, 1.0, drives),
                     (-1e3, -1.0, -drives),
                     (-1e3, 1.0, brakes),
@@ -696,7 +696,7 @@ mod tests {
                     // What it brakes with goes nowhere: the voltage stays.
                     stage.bus.capacitance = f64::INFINITY;
                     for _ in 0..20_000 {
-                        stage.step(torque, 0.0, way * velocity, H);
+                        stage.step(torque, 0.0, direction * velocity, H);
                         let (current, end) = (stage.current() / expected, 1.0 + 1e-9);
                         assert!((0.0..=end).contains(&current), "{} {share}", motor.name);
                     }

@@ -14,7 +14,7 @@ struct Lead {
     /// s
     duration: f64,
     /// From where it begins to where it rests, mm.
-    way: f64,
+    distance: f64,
     /// With which it begins, mm/s.
     velocity: f64,
 }
@@ -24,7 +24,7 @@ impl Travel {
     /// fastest where that cannot be.
     fn stop_along(&self, start: State, fastest: Profile, lead: Lead) -> Profile {
         let shortest = fastest.end().p - start.p;
-        let along = lead.way * start.v / lead.velocity;
+        let along = lead.distance * start.v / lead.velocity;
         // Short of where it can stop it would have to come back.
         if !(along.is_finite() && along * shortest > 0.0 && along.abs() > shortest.abs()) {
             return fastest;
@@ -60,7 +60,7 @@ impl<const N: usize> Jogging<N> {
             {
                 lead = Some(Lead {
                     duration: stop.duration(),
-                    way: stop.end().p - state.p,
+                    distance: stop.end().p - state.p,
                     velocity: state.v,
                 });
             }

@@ -203,17 +203,17 @@ proptest! {
     #[test]
     fn an_axis_far_out_gets_where_it_is_to(
         power in 0.0..9.0_f64,
-        (side, way) in (any::<bool>(), -30.0..30.0_f64),
+        (side, distance) in (any::<bool>(), -30.0..30.0_f64),
     ) {
         let far = if side { 1.0 } else { -1.0 } * 10.0_f64.powf(power);
         let limits = Limits::symmetric(300.0, 1_500.0, 20_000.0);
         let travel = Travel { limits, bounds: PositionLimits { min: -1e10, max: 1e10 } };
-        let resting = travel.plan(State::at_rest(far), Aim::At(far + way), 300.0);
+        let resting = travel.plan(State::at_rest(far), Aim::At(far + distance), 300.0);
         let (plan, leads_there) = resting.unwrap();
-        prop_assert!(leads_there && plan.at(f64::INFINITY).p == far + way, "from rest");
+        prop_assert!(leads_there && plan.at(f64::INFINITY).p == far + distance, "from rest");
         // On the way, too, a plan that is made again leads there.
         let moving = plan.at(0.25 * plan.duration());
-        let again = travel.plan(moving, Aim::At(far + way), 300.0);
+        let again = travel.plan(moving, Aim::At(far + distance), 300.0);
         prop_assert!(again.is_some_and(|(_, leads_there)| leads_there), "from {moving:?}");
     }
 }

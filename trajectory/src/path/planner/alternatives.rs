@@ -350,8 +350,8 @@ impl<const N: usize> Planner<N> {
                     }
                     Command::ReplaceTail(step) => steps.truncate(step as usize),
                     Command::JerkSegment(segment) => {
-                        let (way, ..) = segment.at(segment.duration);
-                        steps.push((segment.duration, section + segment.distance + way));
+                        let (length, ..) = segment.at(segment.duration);
+                        steps.push((segment.duration, section + segment.distance + length));
                     }
                     Command::Dwell { duration, .. } => {
                         let at = steps.last().map_or(section, |(_, end)| *end);

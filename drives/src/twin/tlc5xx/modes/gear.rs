@@ -12,8 +12,8 @@ use crate::twin::tlc5xx::settings::RPM;
 pub(in crate::twin::tlc5xx) struct CatchUp {
     /// Pulses since it was switched off; none before it was on for the first time.
     missed: Option<f64>,
-    /// The way that is left to 0, increments.
-    way: Ramp,
+    /// What is left of it, down to 0, increments.
+    ramp: Ramp,
 }
 
 impl Drive {
@@ -24,8 +24,8 @@ impl Drive {
                 self.movement = Movement::Gear;
                 self.begin(Motion::Gear);
                 let missed = self.catch_up.missed.replace(0.0);
-                let way = missed.filter(|_| value == 2).unwrap_or(0.0) * self.gear_ratio();
-                self.catch_up.way = Ramp::at(-way);
+                let behind = missed.filter(|_| value == 2).unwrap_or(0.0) * self.gear_ratio();
+                self.catch_up.ramp = Ramp::at(-behind);
             }
             _ if self.movement == Movement::Gear => {
                 self.movement = Movement::None;
@@ -39,7 +39,7 @@ impl Drive {
     /// Position steps of a gear that was on once and is off: its pulses are missed. What it had not caught up with yet
     /// is missed as well. That both count from when it was switched off last is an assumption.
     pub(in crate::twin::tlc5xx) fn miss_pulses(&mut self) {
-        let left = core::mem::replace(&mut self.catch_up.way, Ramp::at(0.0)).position;
+        let left = core::mem::replace(&mut self.catch_up.ramp, Ramp::at(0.0)).position;
         let ratio = self.gear_ratio();
         let pulses = self.pulse_frequency * POSITION_STEP;
         if let Some(missed) = &mut self.catch_up.missed {
@@ -62,14 +62,14 @@ impl Drive {
             velocity: most - velocity.abs(),
             ..self.settings.manufacturer
         };
-        let way = &mut self.catch_up.way;
-        if way.position == 0.0 || limits.velocity <= 0.0 {
-            way.velocity = 0.0;
+        let ramp = &mut self.catch_up.ramp;
+        if ramp.position == 0.0 || limits.velocity <= 0.0 {
+            ramp.velocity = 0.0;
             return (0.0, 0.0);
         }
-        let before = way.position;
-        way.towards_position(0.0, &limits, POSITION_STEP);
-        (way.position - before, way.velocity)
+        let before = ramp.position;
+        ramp.towards_position(0.0, &limits, POSITION_STEP);
+        (ramp.position - before, ramp.velocity)
     }
 
     /// The reference follows the pulses by 20A1h / 20A2h, no faster than 209Fh, in the directions of
@@ -79,15 +79,15 @@ impl Drive {
         let most = value(0x209F) as f64 * RPM;
         let velocity = (self.pulse_frequency * self.gear_ratio()).clamp(-most, most);
         let directions = (value(0x209C), self.settings.direction < 0.0);
-        let released = |way: f64| match directions {
-            (1, false) | (2, true) => way.max(0.0),
-            (2, false) | (1, true) => way.min(0.0),
-            _ => way,
+        let released = |travel: f64| match directions {
+            (1, false) | (2, true) => travel.max(0.0),
+            (2, false) | (1, true) => travel.min(0.0),
+            _ => travel,
         };
         let velocity = released(velocity);
         // What would lead in the other direction is not made up for.
-        if released(-self.catch_up.way.position) == 0.0 {
-            self.catch_up.way = Ramp::at(0.0);
+        if released(-self.catch_up.ramp.position) == 0.0 {
+            self.catch_up.ramp = Ramp::at(0.0);
         }
         let (made_up, faster) = self.step_catch_up(velocity, most);
         let (beside, speed) = self.step_offset();

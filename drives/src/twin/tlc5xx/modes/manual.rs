@@ -53,9 +53,9 @@ impl Drive {
             fast: bits & FAST != 0,
             runs_from: (!is_united).then(|| self.servo.now + delay),
         };
-        let way = direction * distance as f64 * self.settings.position;
+        let travel = direction * distance as f64 * self.settings.position;
         let limits = Settings::at_most(self.settings.manufacturer, self.manual_velocity());
-        self.begin(Motion::Position(self.ramp.position + way, limits));
+        self.begin(Motion::Position(self.ramp.position + travel, limits));
     }
 
     pub(super) fn step_manual(&mut self) {
