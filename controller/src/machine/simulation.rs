@@ -13,7 +13,7 @@ use syncline_drives::mechanics::drive_train::{
 use syncline_drives::mechanics::friction::Friction;
 use syncline_drives::mechanics::rigid_beam::{self, Beam, Racking};
 use syncline_drives::mechanics::structure::StructureMode;
-use syncline_drives::model::{Direction, Increments, Scaling};
+use syncline_drives::model::{Increments, Scaling};
 use syncline_drives::twin;
 use syncline_drives::twin::random::Random;
 use syncline_drives::twin::servo::encoder::EncoderErrors;
@@ -133,23 +133,15 @@ impl Carriage {
         // Its axis's positive direction is away from the first side.
         rigid_beam::Carriage {
             mass: self.mass,
-            travel: -direction(scaling) * axis.mm_per_revolution * 1e-3,
+            travel: -scaling.direction().sign() * axis.mm_per_revolution * 1e-3,
             middle: revolutions(scaling, axis.mm_per_revolution, middle),
         }
     }
 }
 
-/// Which way a drive counts: 1 or −1.
-fn direction(scaling: &Scaling) -> f64 {
-    match scaling.direction() {
-        Direction::Positive => 1.0,
-        Direction::Negative => -1.0,
-    }
-}
-
 /// Where a drive's shaft is at a machine position, from its encoder's zero.
 fn revolutions(scaling: &Scaling, mm_per_revolution: f64, mm: f64) -> f64 {
-    direction(scaling) * (mm - scaling.to_mm(Increments::ZERO)) / mm_per_revolution
+    scaling.direction().sign() * (mm - scaling.to_mm(Increments::ZERO)) / mm_per_revolution
 }
 
 /// A feed axis as a machine file has it. N, N/m and kg of a linear axis are N·m, N·m/rad and kg·m²
@@ -290,7 +282,7 @@ impl FeedAxis {
         // m for a radian of the shaft; rad of a rotary axis.
         let unit = if rotary { TAU / 360.0 } else { 1e-3 };
         let travel = unit * mm_per_revolution / TAU;
-        let sign = direction(scaling);
+        let sign = scaling.direction().sign();
         let rotor_inertia = self.rotor_inertia();
         let load = self.load.map(|load| load * travel * travel);
         let load_inertia = load.unwrap_or(DEFAULT_RATIO * self.motor.rotor_inertia);

@@ -32,7 +32,7 @@ use super::record::{Place, Violation};
 use super::sent::SentSetpoints;
 use crate::control::{AxisSample, Row};
 use crate::machine::{Axis, AxisLimits, COORDINATES, Compensation, Machine, Motion};
-use syncline_drives::model::{self, Direction, Increments, Setpoints, unwrapped};
+use syncline_drives::model::{self, Increments, Setpoints, unwrapped};
 
 /// A plan may exceed a limit by this part of it: rounding.
 const ROUNDING: f64 = 1e-9;
@@ -166,10 +166,7 @@ struct Side {
 impl Side {
     fn new(machine: &Machine, drive: usize, place: usize) -> Self {
         let scaling = &machine.drives[drive].scaling;
-        let increment = match scaling.direction() {
-            Direction::Positive => scaling.resolution(),
-            Direction::Negative => -scaling.resolution(),
-        };
+        let increment = scaling.direction().sign() * scaling.resolution();
         let device = machine.device(drive);
         Self {
             drive,

@@ -10,7 +10,7 @@ use syncline_drives::bus::{Band, BitRate};
 use syncline_drives::mechanics::rigid::Rigid;
 use syncline_drives::mechanics::rigid_beam::{RigidBeam, Side};
 use syncline_drives::mechanics::touch_probe::TouchProbe;
-use syncline_drives::model::{Address, Direction, Increments, Model};
+use syncline_drives::model::{Address, Increments, Model};
 use syncline_drives::twin::servo::encoder::Scale;
 use syncline_drives::twin::{Config, Disturbance, Kind, Sensor, SimulatedDevice};
 use syncline_drives::world::{
@@ -452,10 +452,7 @@ fn side(machine: &Machine, drive: usize, simulation: &Simulation) -> Side {
     let train = machine.at_shaft(drive, &simulation.felt()).train;
     let travel = machine.axes[machine.drives[drive].axis].mm_per_revolution / 1000.0;
     Side {
-        travel: match machine.drives[drive].scaling.direction() {
-            Direction::Positive => travel,
-            Direction::Negative => -travel,
-        },
+        travel: machine.drives[drive].scaling.direction().sign() * travel,
         rigid: Rigid {
             motor_inertia: train.rotor_inertia,
             viscous_friction: train.bearing.viscous + train.guide.viscous,

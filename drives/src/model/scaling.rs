@@ -87,6 +87,18 @@ pub enum Direction {
     Negative,
 }
 
+impl Direction {
+    /// 1 or −1: what a speed or a torque of the axis is multiplied by to be the drive's, and one of the drive's to be the
+    /// axis's.
+    #[must_use]
+    pub fn sign(self) -> f64 {
+        match self {
+            Self::Positive => 1.0,
+            Self::Negative => -1.0,
+        }
+    }
+}
+
 /// How an axis's millimetres and a drive's increments belong together.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scaling {
@@ -111,10 +123,7 @@ impl Scaling {
         assert!(mm_per_revolution > 0.0 && mm_per_revolution.is_finite());
         Self {
             increments_per_revolution: increments_per_revolution.into(),
-            mm_per_revolution: match direction {
-                Direction::Positive => mm_per_revolution,
-                Direction::Negative => -mm_per_revolution,
-            },
+            mm_per_revolution: direction.sign() * mm_per_revolution,
             zero,
         }
     }

@@ -19,7 +19,6 @@ use super::AxisControl;
 use super::history::Planned;
 use crate::machine;
 use std::f64::consts::TAU;
-use syncline_drives::model::Direction;
 
 /// Below that speed friction grows with it: a plan that creeps or trembles about a standstill makes no torque jump by all of the
 /// friction. Revolutions of the motor a second; as slow as drives have it that compensate for friction themselves.
@@ -73,23 +72,16 @@ impl AxisControl {
         };
         let node = &nodes[self.spec.drives[side]];
         let ends = [1.0, 0.0].map(|earlier| self.history.proposed(node.delay() + earlier));
-        as_it_counts(node, feed_forward.torque(ends, side, self.period))
+        node.turned(feed_forward.torque(ends, side, self.period))
     }
 
     /// Has its drives, which are told to stay where they are, hold it up, also as they are enabled.
     pub(in super::super) fn hold_up(&self, nodes: &mut [DeviceNode]) {
         if let Some(feed_forward) = &self.spec.feed_forward {
             for &drive in &self.spec.drives {
-                nodes[drive].setpoint.torque = as_it_counts(&nodes[drive], feed_forward.gravity);
+                let node = &mut nodes[drive];
+                node.setpoint.torque = node.turned(feed_forward.gravity);
             }
         }
-    }
-}
-
-/// A torque in the axis's positive direction, in that of the drive's.
-fn as_it_counts(node: &DeviceNode, torque: f64) -> f64 {
-    match node.scaling().direction() {
-        Direction::Positive => torque,
-        Direction::Negative => -torque,
     }
 }

@@ -4,7 +4,7 @@
 //! the axes rest; and at the latest before the drive is enabled again, or as the machine goes off.
 
 use super::{DeviceNode, Step};
-use syncline_drives::model::{Data, Direction, TorqueLimit, Write};
+use syncline_drives::model::{Data, TorqueLimit, Write};
 
 /// What limits a drive's torque.
 #[derive(Clone, Copy, Debug)]
@@ -30,10 +30,12 @@ impl DeviceNode {
     /// The torque that it told at the last SYNC, in the positive direction of its axis, if it tells one.
     pub(in crate::control) fn told_torque(&self) -> Option<i16> {
         let torque = self.told_torque.filter(|_| self.age == 0)?;
-        Some(match self.scaling().direction() {
-            Direction::Positive => torque,
-            Direction::Negative => torque.saturating_neg(),
-        })
+        Some(self.turned(torque.into()) as i16)
+    }
+
+    /// A torque in the positive direction of its axis, in that in which its positions grow, and the other way round.
+    pub(in crate::control) fn turned(&self, torque: f64) -> f64 {
+        self.scaling().direction().sign() * torque
     }
 
     fn torque_limit(&self) -> Option<TorqueLimit> {
