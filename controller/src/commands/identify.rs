@@ -72,8 +72,8 @@ pub(super) struct Args {
     /// Stop where the torque goes beyond so many % of the rated one.
     #[arg(long, value_name = "PERCENT", default_value_t = 300.0)]
     torque: f64,
-    /// Rated torque of the motor, N·m, of which the drive tells its torque in thousandths; without it, that of the motor that
-    /// the machine file's [axis.simulation] names.
+    /// Rated torque of the motor, N·m, of which the drive tells its torque in thousandths; without it, that of the axis's
+    /// `feed_forward` in the machine file, or of the motor that its [axis.simulation] names.
     #[arg(long, value_name = "NM", value_parser = positive)]
     rated_torque: Option<f64>,
     /// Write the result as JSON.

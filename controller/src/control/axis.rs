@@ -300,8 +300,8 @@ impl AxisControl {
         self.history = History::at_rest(Planned {
             position,
             correction: self.correction_at(position),
-            velocity: 0.0,
             apart,
+            ..Planned::default()
         });
         if let Some(compensation) = &mut self.compensation {
             compensation.rest(position);

@@ -85,7 +85,10 @@ pub enum Unfit {
         has: Vec<&'static str>,
     },
     /// Two drives share what it moves.
-    #[error("axis {0} is a gantry of two drives: only axes of one drive can be identified")]
+    #[error(
+        "axis {0} is a gantry of two drives: only axes of one drive can be identified, and no `feed_forward` is told of it; state \
+         that by the axis's data, of which each motor has half"
+    )]
     Gantry(&'static str),
     /// It does not follow setpoints.
     #[error("axis {0} goes point to point: only axes that follow setpoints can be identified")]
@@ -111,8 +114,8 @@ pub enum Unfit {
     },
     /// A drive tells torque in parts of it.
     #[error(
-        "axis {0}: the rated torque of its motor is not known: name the motor in its [axis.simulation], or give \
-         --rated-torque N·m"
+        "axis {0}: the rated torque of its motor is not known: name the motor in its [axis.simulation], state \
+         `feed_forward.rated_torque` of the axis where its drive is sent torques, or give --rated-torque N·m"
     )]
     RatedTorque(&'static str),
 }
@@ -327,7 +330,7 @@ impl Identified {
         Self {
             axis: axis.name(),
             feed_forward: (drive.model.abilities.contains(&Ability::TorqueOffset))
-                .then(|| feed_forward(subject.shaft.rated_torque, &estimate)),
+                .then(|| feed_forward(subject, axis, &estimate)),
             gains,
             drive: drive.name.clone(),
             rated_torque: subject.shaft.rated_torque,
@@ -349,15 +352,22 @@ impl Identified {
     }
 }
 
-/// What a drive is sent so: what may as well be nothing is nothing.
-fn feed_forward(rated_torque: f64, estimate: &Estimate) -> FeedForward {
+/// What the drive of an axis is sent so: what may as well be nothing is nothing.
+fn feed_forward(subject: &Moved, axis: &Axis, estimate: &Estimate) -> FeedForward {
     let sure = |figure: Figure| match figure.value.abs() > figure.uncertainty {
         true => figure.value,
         false => 0.0,
     };
+    let inertia = estimate.inertia.value.max(0.0);
+    let crosses_play = axis
+        .compensation
+        .as_ref()
+        .is_some_and(|it| it.backlash > 0.0);
+    let motor = subject.motor.filter(|_| crosses_play);
     FeedForward {
-        rated_torque,
-        inertia: estimate.inertia.value.max(0.0),
+        rated_torque: subject.shaft.rated_torque,
+        inertia,
+        motor_inertia: motor.map_or(0.0, |it| it.inertia.min(inertia)),
         coulomb_friction: sure(estimate.friction).max(0.0),
         viscous_friction: sure(estimate.viscous_friction).max(0.0),
         gravity: sure(estimate.holding_torque),
@@ -470,6 +480,7 @@ impl Identified {
         } = &self.estimate;
         let figures = [
             ("inertia", inertia, feed_forward.inertia),
+            ("motor_inertia", inertia, feed_forward.motor_inertia),
             ("coulomb_friction", friction, feed_forward.coulomb_friction),
             (
                 "viscous_friction",

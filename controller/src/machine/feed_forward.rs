@@ -12,6 +12,8 @@ pub struct FeedForward {
     pub rated_torque: f64,
     /// Inertia of all that moves, kg·m².
     pub inertia: f64,
+    /// What of that turns while the backlash of its axis is taken up, kg·m²: no more than all.
+    pub motor_inertia: f64,
     /// Coulomb friction, N·m.
     pub coulomb_friction: f64,
     /// Viscous friction, N·m·s/rad.
@@ -72,6 +74,12 @@ pub(super) fn read(
         0.0..=1e4,
         "(kg·m², at the motor's shaft)",
     );
+    let motor_inertia = number(
+        "motor_inertia",
+        Some(0.0),
+        0.0..=inertia.unwrap_or(1e4),
+        "(kg·m², no more than `inertia`)",
+    );
     let coulomb_friction = number("coulomb_friction", Some(0.0), 0.0..=1e6, "(N·m)");
     let viscous_friction = number("viscous_friction", Some(0.0), 0.0..=1e6, "(N·m·s/rad)");
     let gravity = number("gravity", Some(0.0), -1e6..=1e6, "(N·m)");
@@ -79,6 +87,7 @@ pub(super) fn read(
     let feed_forward = FeedForward {
         rated_torque: rated_torque?,
         inertia: inertia?,
+        motor_inertia: motor_inertia?,
         coulomb_friction: coulomb_friction?,
         viscous_friction: viscous_friction?,
         gravity: gravity?,

@@ -1,7 +1,7 @@
 //! Whether a drive can do what its axis, the cycle and its bus ask of it: what the model says of
 //! itself, held against the machine file.
 
-use super::compensation::CompensationTable;
+use super::compensation::{Compensation, CompensationTable};
 use super::encoder::OFTEN_ENOUGH;
 use super::{Axis, AxisLimits, Drive, HomingMethod, Machine, Motion, POLL};
 use std::f64::consts::TAU;
@@ -286,6 +286,17 @@ pub(super) fn check_feed_forward(log: &mut Log<'_>, machine: &Machine, places: &
         let Some(feed_forward) = axis.feed_forward.filter(|_| can) else {
             continue;
         };
+        let plays = |it: &Compensation| it.backlash > 0.0;
+        if feed_forward.motor_inertia > 0.0 && !axis.compensation.as_ref().is_some_and(plays) {
+            log.report(
+                place.clone(),
+                format!(
+                    "axis \"{}\": `motor_inertia` of its `feed_forward` without `backlash`, which the motor would cross alone",
+                    axis.name(),
+                ),
+                "leave it out, or state the `backlash`",
+            );
+        }
         let radians = TAU / axis.mm_per_revolution;
         let limits = axis.stated_limits();
         let excess = feed_forward.excess(limits.velocity * radians, limits.acceleration * radians);

@@ -494,6 +494,12 @@ fn every_mistake_is_found_named_and_placed() {
             "axis \"Z\": feed_forward: missing key `rated_torque`",
             "add `rated_torque`: a number from 0.01 to 4000000 (N·m)",
         ),
+        (
+            "soft_limits = [-300.0, 0.0]",
+            "soft_limits = [-300.0, 0.0]\nfeed_forward = { rated_torque = 1.4, inertia = 5e-4, motor_inertia = §6e-4 }",
+            "axis \"Z\": feed_forward: `motor_inertia` is 6e-4",
+            "allowed: a number from 0 to 0.0005 (kg·m², no more than `inertia`)",
+        ),
         // Cycle and bit rate.
         (
             "cycle_us = 2000",

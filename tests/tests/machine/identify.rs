@@ -525,8 +525,17 @@ fn what_cannot_be_identified_is_refused_by_name() {
     let text = text.to_str().unwrap();
     for (machine, options, says) in [
         (&one, &["--axis", "Q"][..], "no such axis; allowed: Y"),
-        (&machine_file("portal"), &["--axis", "X"], "a gantry"),
-        (&nameless, &["--axis", "Y"], "--rated-torque"),
+        (
+            &machine_file("portal"),
+            &["--axis", "X"],
+            "a gantry of two drives: only axes of one drive can be identified, and no `feed_forward` is told of it",
+        ),
+        (
+            &nameless,
+            &["--axis", "Y"],
+            "name the motor in its [axis.simulation], state `feed_forward.rated_torque` of the axis where its drive is sent \
+             torques, or give --rated-torque",
+        ),
         (
             &one,
             &["--axis", "Y", "--travel", "-1", "1e6"],

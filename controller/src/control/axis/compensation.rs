@@ -31,6 +31,8 @@ pub(super) struct Correction {
     pub(super) position: f64,
     /// mm/s
     pub(super) velocity: f64,
+    /// What of that takes up backlash, mm/s.
+    pub(super) take_up: f64,
 }
 
 /// Corrects the setpoints of an axis.
@@ -140,6 +142,7 @@ impl Compensation {
         Correction {
             position: p - error,
             velocity: v - slope * velocity,
+            take_up: v,
         }
     }
 
@@ -211,6 +214,7 @@ impl AxisControl {
             position,
             correction: correction.position,
             velocity: velocity + correction.velocity,
+            take_up: correction.take_up,
             apart: match &self.squaring {
                 Some(squaring) => squaring.apart(cycle, self.period),
                 None => self.apart(cycle - 1),

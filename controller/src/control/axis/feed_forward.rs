@@ -13,6 +13,13 @@
 //!
 //! A setpoint that a SYNC latches is where the drive's reference is one cycle later, in a straight line from the one before.
 //! The torque goes with that line: the acceleration is by how much the plan's velocity differs at its ends, the velocity its slope.
+//!
+//! *While backlash is taken up* the motor goes on and the carriage does not. So acceleration and velocity are those of the
+//! carriage, without the take-up; for that the motor gets what it takes to speed up what turns on its own side, `motor_inertia`. The
+//! inertia of the whole axis would have it run ahead into the other flank, by as much as the load has of it. Of a machine file that does
+//! not say what is the motor's the loops make that torque, as they make all of it without any. On which flank the carriage is
+//! while the motor crosses the play nobody knows; its part of the torque goes on all the same, since one that is taken off and
+//! put on again would be two jumps at instants that are guessed.
 
 use super::super::node::DeviceNode;
 use super::AxisControl;
@@ -27,8 +34,10 @@ const FULL_FRICTION: f64 = 5.0 / 60.0;
 /// Torques in thousandths of the motor's rated one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AxisTorque {
-    /// For a mm/s².
+    /// For a mm/s² of the carriage …
     inertia: f64,
+    /// … and for one of the motor alone.
+    motor_inertia: f64,
     /// For a mm/s.
     viscous_friction: f64,
     coulomb_friction: f64,
@@ -46,6 +55,7 @@ impl AxisTorque {
         let radians = TAU / mm_per_revolution;
         Self {
             inertia: of.inertia * radians * thousandths,
+            motor_inertia: of.motor_inertia * radians * thousandths,
             viscous_friction: of.viscous_friction * radians * thousandths,
             coulomb_friction: of.coulomb_friction * thousandths,
             slow_friction: of.coulomb_friction * thousandths / (FULL_FRICTION * mm_per_revolution),
@@ -55,11 +65,17 @@ impl AxisTorque {
 
     /// On the way from one step of the plan of a side to the next.
     fn torque(&self, [before, there]: [Planned; 2], side: usize, period: f64) -> f64 {
-        let velocity = (there.of_side(side) - before.of_side(side)) / period;
-        let acceleration = (there.velocity - before.velocity) / period;
+        let take_up = (there.take_up - before.take_up) / period;
+        let velocity = (there.of_side(side) - before.of_side(side)) / period
+            - f64::midpoint(before.take_up, there.take_up);
+        let acceleration = (there.velocity - before.velocity) / period - take_up;
         let friction =
             (self.slow_friction * velocity).clamp(-self.coulomb_friction, self.coulomb_friction);
-        self.inertia * acceleration + self.viscous_friction * velocity + friction + self.gravity
+        self.inertia * acceleration
+            + self.motor_inertia * take_up
+            + self.viscous_friction * velocity
+            + friction
+            + self.gravity
     }
 }
 

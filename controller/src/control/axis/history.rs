@@ -24,6 +24,8 @@ pub(super) struct Planned {
     pub(super) correction: f64,
     /// Of what they are sent, mm/s.
     pub(super) velocity: f64,
+    /// What of that takes up backlash, mm/s.
+    pub(super) take_up: f64,
     /// How far the second side is planned beyond the first, mm.
     pub(super) apart: f64,
 }
@@ -37,6 +39,7 @@ impl Planned {
             position: self.position + part * (next.position - self.position),
             correction: self.correction + part * (next.correction - self.correction),
             velocity: self.velocity + part * (next.velocity - self.velocity),
+            take_up: self.take_up + part * (next.take_up - self.take_up),
             apart: self.apart + part * (next.apart - self.apart),
         }
     }
