@@ -93,14 +93,14 @@ pub enum DeviceCause {
         code: AbortCode,
     },
     /// It refused to have an object read.
-    #[error(
-        "SDO read {object} aborted {code}: check that the device is the model of the machine file"
-    )]
+    #[error("SDO read {object} aborted {code}: {remedy}")]
     ReadAborted {
         /// The object.
         object: Address,
         /// Its reason.
         code: AbortCode,
+        /// What to do.
+        remedy: &'static str,
     },
     /// It answered an SDO request with what is no answer to it.
     #[error(

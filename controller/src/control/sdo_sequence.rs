@@ -107,6 +107,15 @@ impl Step {
         }
     }
 
+    /// What to do where it cannot be read.
+    fn remedy(&self, code: AbortCode) -> &'static str {
+        let other = "check that the device is the model of the machine file";
+        match (self, code) {
+            (Self::Identity(it), AbortCode::UnknownObject) => it.if_absent.unwrap_or(other),
+            _ => other,
+        }
+    }
+
     /// Whether a drive that says nothing may be passed over.
     fn may_fail(&self) -> bool {
         matches!(self, Self::Survey(_) | Self::History(_) | Self::Release(_))
@@ -368,7 +377,11 @@ impl SdoSequence {
                             value: write.data.bits(),
                             code,
                         },
-                        (_, None) => DeviceCause::ReadAborted { object, code },
+                        (_, None) => DeviceCause::ReadAborted {
+                            object,
+                            code,
+                            remedy: step.remedy(code),
+                        },
                     }));
                 }
                 events(Event::Refused {

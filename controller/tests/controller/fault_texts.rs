@@ -82,9 +82,11 @@ texts! {
      parameter\": check the value, and `sdo` in the machine file";
 
     Fault::Device(_, DeviceCause::ReadAborted { .. }),
-    Fault::Device(2, DeviceCause::ReadAborted { object: OBJECT, code: AbortCode::InvalidValue }),
+    Fault::Device(2, DeviceCause::ReadAborted {
+        object: OBJECT, code: AbortCode::InvalidValue, remedy: "leave what needs it out",
+    }),
     "node 3 (Y, LXM32M): SDO read 60C2h:1 aborted 0609 0030h \"invalid value for parameter\": \
-     check that the device is the model of the machine file";
+     leave what needs it out";
 
     Fault::Device(_, DeviceCause::WrongAnswer { .. }),
     Fault::Device(2, DeviceCause::WrongAnswer { object: OBJECT, code: AbortCode::ToggleBit }),

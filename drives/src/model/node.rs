@@ -154,6 +154,8 @@ pub struct Identity {
     pub mask: u32,
     /// Their value.
     pub value: u32,
+    /// What to do where a device of this model does not have the object, if that can be.
+    pub if_absent: Option<&'static str>,
 }
 
 impl Identity {
@@ -164,6 +166,15 @@ impl Identity {
             name,
             mask: u32::MAX,
             value,
+            if_absent: None,
+        }
+    }
+
+    /// The same of an object that a device of this model need not have, and what to do then.
+    pub(super) const fn if_absent(self, remedy: &'static str) -> Self {
+        Self {
+            if_absent: Some(remedy),
+            ..self
         }
     }
 

@@ -268,7 +268,11 @@ fn identity(model: &Model, settings: &Settings, kind: Kind, pdos: &Pdos) -> Vec<
         .filter(|_| model.dictionary.iter().any(tells))
     {
         let Address { index, sub } = RATED_TORQUE;
-        identity.push(reads(index, sub, "motor rated torque", rated));
+        let rated = reads(index, sub, "motor rated torque", rated);
+        identity.push(rated.if_absent(
+            "the drive does not tell its motor's rated torque: describe it by a file of its own (docs/described.md), with a \
+             data sheet that lacks this object, or leave `feed_forward` out",
+        ));
     }
     identity.extend(pdos.all().into_iter().flat_map(Mapping::identity));
     identity
