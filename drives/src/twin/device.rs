@@ -164,14 +164,14 @@ pub struct DrivenAxis {
 pub struct Sensor {
     /// The input's number, from 0.
     pub input: u8,
-    /// Where the shaft is while it is on, revolutions from the encoder's zero.
+    /// Where what the shaft moves is while it is on, revolutions from the encoder's zero.
     pub range: Range<f64>,
     /// The input is on outside of that range instead.
     pub inverted: bool,
 }
 
 impl Sensor {
-    /// The level of its input while the shaft is there.
+    /// The level of its input while that is there.
     #[must_use]
     pub fn level(&self, position: f64) -> bool {
         self.range.contains(&position) != self.inverted

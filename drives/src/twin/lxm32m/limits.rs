@@ -49,7 +49,7 @@ impl Drive {
     /// The negative and the positive switch, as far as 3006h:11 leaves them on.
     pub(super) fn limit_switches(&self) -> (bool, bool) {
         let off = self.objects.get(self.rows.hardware_limits_off);
-        let position = self.servo.loops.shaft.position();
+        let position = self.carriage();
         (
             off & NEGATIVE == 0 && self.switches.negative_limit_active(position),
             off & POSITIVE == 0 && self.switches.positive_limit_active(position),

@@ -43,9 +43,9 @@ const OUTPUT_ACTIVE: i64 = 3;
 pub(super) struct Captures {
     /// Their levels; none before the first look.
     levels: [Option<bool>; CAPTURES],
-    /// Where the shaft was, revolutions.
+    /// Where the load was, revolutions of the shaft.
     position: f64,
-    /// Where it was as something touched that is not along the axis.
+    /// Where the shaft was as something touched that is not along the axis.
     touched: [Option<f64>; CAPTURES],
 }
 
@@ -59,10 +59,10 @@ impl Captures {
 }
 
 impl Drive {
-    /// Looks after the capture inputs. What is captured is where the edge is, however far the
-    /// shaft has turned since; of an edge that does not come from the place of the shaft, where that is.
+    /// Looks after the capture inputs. What is captured is where the shaft was at the edge, however far it
+    /// has turned since; of an edge that does not come from the place of its load, where it is.
     pub(super) fn watch_captures(&mut self) {
-        let position = self.servo.loops.shaft.position();
+        let position = self.carriage();
         let turned = self.captures.position.min(position)..=self.captures.position.max(position);
         self.captures.position = position;
         for input in 0..CAPTURES {
@@ -74,7 +74,9 @@ impl Drive {
                     .edges(input)
                     .find(|edge| turned.contains(edge));
                 let touched = self.captures.touched[input].take();
-                let edge = edge.or(touched).unwrap_or(position);
+                let shaft = self.servo.loops.shaft.position();
+                let edge = edge.map(|edge| edge + (shaft - position));
+                let edge = edge.or(touched).unwrap_or(shaft);
                 let edge = edge * self.servo.loops.direction();
                 let increments = libm::round(edge * INCREMENTS_PER_REVOLUTION) as i64;
                 let captured = self.user_position(increments - self.zero);
@@ -84,7 +86,12 @@ impl Drive {
         }
     }
 
-    /// The level of a capture input while the shaft is there.
+    /// Where what trips the switches along the axis is, revolutions: its load.
+    pub(super) fn carriage(&self) -> f64 {
+        self.servo.loops.shaft.load_position()
+    }
+
+    /// The level of a capture input while the load is there.
     fn capture_level(&self, input: usize, position: f64) -> bool {
         let range = self.switches.captures[input].as_ref();
         range.is_some_and(|range| range.contains(&position))
@@ -262,7 +269,7 @@ impl Drive {
 
     /// DI0…DI4: capture inputs 1 and 2, LIMP, LIMN, REF, and what else is wired there, each 1 while active.
     fn inputs(&self) -> [bool; 5] {
-        let position = self.servo.loops.shaft.position();
+        let position = self.carriage();
         let switches = [
             self.capture_level(0, position),
             self.capture_level(1, position),

@@ -4,8 +4,8 @@ use super::signals::CAPTURES;
 use crate::twin::device::Sensor;
 use core::ops::Range;
 
-/// Switches along the axis, in revolutions from the encoder's zero. The index pulse comes at
-/// every whole revolution. By default none is fitted.
+/// Switches along the axis, in revolutions from the encoder's zero, which what it moves trips: behind the shaft by twist and play.
+/// The index pulse comes at every whole revolution of the shaft. By default none is fitted.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Switches {
     /// LIMN: active below this position.
@@ -52,7 +52,7 @@ impl Switches {
         (self.along.iter()).filter(move |sensor| usize::from(sensor.input) == input)
     }
 
-    /// Whether a sensor at DIn is on while the shaft is there.
+    /// Whether a sensor at DIn is on while the load is there.
     pub(super) fn is_sensed(&self, input: usize, position: f64) -> bool {
         let sensed = self.sensors >> input & 1 != 0;
         sensed || self.along(input).any(|sensor| sensor.level(position))

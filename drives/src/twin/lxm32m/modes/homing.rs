@@ -215,8 +215,7 @@ impl Drive {
     }
 
     fn is_on(&self, switch: Switch) -> bool {
-        self.switches
-            .is_active(switch, self.servo.loops.shaft.position())
+        self.switches.is_active(switch, self.carriage())
     }
 
     fn search(&mut self, direction: f64, turned: bool) {
