@@ -71,7 +71,7 @@ impl Orienting {
         } = *following;
         let at = |cycles: f64| profile.at((cycles * period).max(0.0));
         let next = (cycle + 1 - since) as f64;
-        let feed_forward = (at(next + 1.0).p - at(next).p) / period;
+        let velocity_feed_forward = (at(next + 1.0).p - at(next).p) / period;
         let seen = cycle as f64 - *since as f64 - f64::from(age);
         let error = at(seen - delay / period).p - turns;
         if error.abs() > furthest {
@@ -79,7 +79,7 @@ impl Orienting {
             self.since = cycle;
             return 0.0;
         }
-        feed_forward + gain * error
+        velocity_feed_forward + gain * error
     }
 
     fn is_over(&self, cycle: u64, period: f64) -> bool {

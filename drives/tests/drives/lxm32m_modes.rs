@@ -433,7 +433,7 @@ proptest! {
         back in 2_000i32..30_000,
         speed in 100i32..900,
         gain in 60i32..400,
-        feed_forward in 1i32..900,
+        velocity_feed_forward in 1i32..900,
     ) {
         let mut bench = drive(1);
         for (index, sub, value) in [
@@ -441,7 +441,7 @@ proptest! {
             (0x6083, 0, 6000),
             (0x6084, 0, 6000),
             (0x3012, 3, gain),
-            (0x3012, 6, feed_forward),
+            (0x3012, 6, velocity_feed_forward),
         ] {
             set(&mut bench, index, sub, value);
         }

@@ -330,7 +330,7 @@ fn digital_signals_are_shown() {
 
 // ---- control ----
 
-/// The deviation at 600 rpm is the velocity by the gain of the position loop, less feed-forward.
+/// The deviation at 600 rpm is the velocity by the gain of the position loop, less velocity feed-forward.
 #[test]
 fn the_selected_parameter_set_is_in_effect() {
     let mut bench = drive(3);

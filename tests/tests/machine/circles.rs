@@ -104,7 +104,7 @@ fn play_is_seen_at_the_quadrants() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
 
-    /// Position loops without feed-forward lag by 1 / Kp, and go round a circle that is smaller by R (1 − 1 / √(1 + (v / R Kp)²)), at any
+    /// Position loops without velocity feed-forward lag by 1 / Kp, and go round a circle that is smaller by R (1 − 1 / √(1 + (v / R Kp)²)), at any
     /// radius, feed, place and direction: in the middle of three turns, where the feed is even. What the loops' cycles and filters
     /// delay by d besides makes it less by the part 2 d Kp.
     #[test]

@@ -350,7 +350,7 @@ fn drawn_motions_are_followed_at_any_step() {
                 (reached - most).abs() < 0.01 * most + 0.1,
                 "{case} {axis}: {reached} of {most}"
             );
-            // At a steady speed v / Kp, 80 1/s, is what is left without feed-forward; all of it has that here.
+            // At a steady speed v / Kp, 80 1/s, is what is left without velocity feed-forward; all of it has that here.
             let behind = number(it, "max_following_error_mm");
             assert!(
                 behind < most / 80.0,
@@ -386,7 +386,7 @@ fn steady(speed: f64) -> Vec<[f64; 2]> {
     rows
 }
 
-/// A loop without feed-forward lags by v / Kp: Kp is 80 1/s as the drives are by themselves, and what is written into them.
+/// A loop without velocity feed-forward lags by v / Kp: Kp is 80 1/s as the drives are by themselves, and what is written into them.
 #[test]
 fn a_steady_speed_lags_as_the_loops_closed_form_says() {
     let side = Side::new();

@@ -273,7 +273,7 @@ impl Drive {
     }
 
     /// The part of the deviation that a load causes, increments: a position loop with less than
-    /// full feed-forward may lag as it does at constant velocity.
+    /// full velocity feed-forward may lag as it does at constant velocity.
     fn load_deviation(&self) -> f64 {
         if self.is_torque_controlled() {
             return 0.0;

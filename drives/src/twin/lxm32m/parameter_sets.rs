@@ -1,5 +1,5 @@
 //! Control loop parameters: the two sets (lxm32m 2424-2428, 2438-2469) and what both share
-//! (2411-2424). The manual at hand prints no values but 1000 for 100 % of feed-forward (1632): units
+//! (2411-2424). The manual at hand prints no values but 1000 for 100 % of velocity feed-forward (1632): units
 //! and selection are assumptions, in the table of `docs/lxm32m.md`. 0 leaves what [`Gains`] say.
 
 use super::drive::Drive;
@@ -51,7 +51,7 @@ parameters! {
     position_gain = 0x03;
     speed_filter = 0x04;
     torque_filter = 0x05;
-    feed_forward = 0x06;
+    velocity_feed_forward = 0x06;
     notch_1_damping = 0x08;
     notch_1_frequency = 0x09;
     notch_1_bandwidth = 0x0A;
@@ -131,7 +131,7 @@ impl Drive {
         let torque_of = |unit: f64| unit * own.torque_constant;
         Gains {
             position: or(set.position_gain, POSITION_GAIN, own.position) * global,
-            velocity_feed_forward: or(set.feed_forward, SHARE, own.velocity_feed_forward),
+            velocity_feed_forward: or(set.velocity_feed_forward, SHARE, own.velocity_feed_forward),
             acceleration_feed_forward: or(
                 rows.acceleration_feed_forward,
                 SHARE,

@@ -1,4 +1,4 @@
-//! The cascade in the drive: position loop with feed-forward, speed loop, filters, torque limit.
+//! The cascade in the drive: position loop with velocity and acceleration feed-forward, speed loop, filters, torque limit.
 //!
 //! ```text
 //! position ─►(−)─► Kp ─►(+)─► overshoot ─► filter ─►(−)─► PI ─►(+)─► filter ─► notches ─► limit ─► torque

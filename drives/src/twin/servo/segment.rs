@@ -62,7 +62,7 @@ impl Segment {
         seconds(now.saturating_since(self.since)) >= self.period
     }
 
-    /// Mean change of velocity since the setpoint before, increments/s², for the feed forward.
+    /// Mean change of velocity since the setpoint before, increments/s², for the acceleration feed-forward.
     #[must_use]
     pub fn acceleration(&self) -> f64 {
         self.acceleration

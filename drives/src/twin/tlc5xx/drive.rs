@@ -355,7 +355,7 @@ impl ServoFirmware for Drive {
         Reference::Position {
             position: self.ramp.position,
             velocity: self.ramp.velocity,
-            // Its feed-forward is 0 as delivered (60FBh:15).
+            // Its acceleration feed-forward is 0 as delivered (60FBh:15).
             acceleration: 0.0,
         }
     }
