@@ -1,11 +1,12 @@
 //! Torques that drives are sent with their setpoints.
 
+use super::torque_offsets::sent;
 use std::io::Write;
 use std::process::Stdio;
 use std::thread;
 use std::time::Duration;
-use syncline_canopen::cia402::{Controlword, State, Statusword};
-use syncline_canopen::{CanId, CobId, NodeId};
+use syncline_canopen::cia402::{State, Statusword};
+use syncline_canopen::{CanId, CobId, Frame, NodeId};
 use syncline_controller::control::{End, Fault};
 use syncline_controller::machine::Machine;
 use syncline_drives::bus::Transmission;
@@ -13,20 +14,20 @@ use syncline_tests::command::{Folder, ended, machine_with, syncline};
 use syncline_tests::rig::{PORTAL_PROGRAM, Rig};
 
 /// Of a revolution of its motor, mm: 160 mm over a gear of 8.
-const TRAVEL: f64 = 20.0;
+pub(super) const TRAVEL: f64 = 20.0;
 
 /// Of a revolution of its encoder.
-const COUNTS: f64 = 1_048_576.0;
+pub(super) const COUNTS: f64 = 1_048_576.0;
 
 /// Seconds.
-const CYCLE: f64 = 2e-3;
+pub(super) const CYCLE: f64 = 2e-3;
 
 /// Of the motor, N·m.
-const RATED: f64 = 3.0;
+pub(super) const RATED: f64 = 3.0;
 
 /// On a belt that gives way, so that its loops are slow: 6.1e-4 kg·m² of load and 2.8e-4 of the motor, 0.1 N·m of
 /// friction of the motor and 0.13 of the guide.
-const PLANT: &str = "{ motor = \"generic-3\", transmission = \"belt\", load = 60, friction = 40, gravity = -120, \
+pub(super) const PLANT: &str = "{ motor = \"generic-3\", transmission = \"belt\", load = 60, friction = 40, gravity = -120, \
                      brake_torque = 6 }";
 
 /// What it takes, as somebody has found who did not know the plant.
@@ -35,7 +36,7 @@ const FRICTION: f64 = 0.22;
 const GRAVITY: f64 = 0.38;
 
 /// By what it gives way as it is enabled at 0 it is not outside, and no fault.
-const WINDOWS: (&str, &str) = (
+pub(super) const WINDOWS: (&str, &str) = (
     "soft_limits = [0.0, 1000.0]\nfollowing_error_limit = 2.0\nstandstill_window = 0.05",
     "soft_limits = [-10.0, 1000.0]\nfollowing_error_limit = 2.0\nstandstill_window = 0.5",
 );
@@ -65,20 +66,6 @@ fn node() -> NodeId {
 fn worst(rig: &Rig) -> f64 {
     let errors = rig.rows.iter().map(|row| row.axes[1].following_error.abs());
     errors.fold(0.0, f64::max)
-}
-
-/// Controlword, target position and torque offset of each R_PDO.
-fn sent(rig: &Rig) -> Vec<(u16, i32, i16)> {
-    let frames = rig.sent(CobId::r_pdo(2, node())).into_iter();
-    let sent = frames.map(|it| match *it.frame.data() {
-        [c0, c1, p0, p1, p2, p3, t0, t1] => (
-            u16::from_le_bytes([c0, c1]),
-            i32::from_le_bytes([p0, p1, p2, p3]),
-            i16::from_le_bytes([t0, t1]),
-        ),
-        ref data => panic!("an R_PDO of {} bytes", data.len()),
-    });
-    sent.collect()
 }
 
 /// By how much Y gives way from where it stands without torque, in the first 40 ms for which it is enabled, mm: it is planned to rest then.
@@ -124,43 +111,6 @@ fn a_soft_axis_follows_better_by_what_its_drive_is_sent() {
     }
 }
 
-/// What goes with each setpoint: by the setpoints alone, as somebody on the bus would reckon it.
-#[test]
-fn torques_are_those_that_the_setpoints_take() {
-    let mut rig = portal(&feed_forward(), "model = \"cia402_csp\"");
-    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
-    let sent = sent(&rig);
-    let jerk = 100_000.0;
-    let permille = |torque: f64| torque / RATED * 1000.0;
-    let radians = std::f64::consts::TAU / TRAVEL;
-    let mut greatest = 0.0_f64;
-    for three in sent.windows(3) {
-        let [before, (word, here, torque), there] = [three[0], three[1], three[2]];
-        if word != Controlword::ENABLE_OPERATION.0 {
-            continue;
-        }
-        let mm = |counts: i32| f64::from(counts) * TRAVEL / COUNTS;
-        let [before, here, there] = [before.1, here, there.1].map(mm);
-        let velocity = (here - before) / CYCLE;
-        let acceleration = (there - 2.0 * here + before) / (CYCLE * CYCLE);
-        let friction = (velocity / (TRAVEL * 5.0 / 60.0)).clamp(-1.0, 1.0) * FRICTION;
-        let expected = permille(INERTIA * radians * acceleration + friction + GRAVITY);
-        // A cycle later the acceleration is another one, and increments are whole ones.
-        let rounding = 4.0 * TRAVEL / COUNTS / (CYCLE * CYCLE);
-        let allowed = 0.51 + permille(INERTIA * radians * (jerk * CYCLE + rounding));
-        assert!(
-            (f64::from(torque) - expected).abs() < allowed,
-            "{torque} in place of {expected} ± {allowed}"
-        );
-        greatest = greatest.max((f64::from(torque) - permille(GRAVITY)).abs());
-    }
-    let most = permille(INERTIA * radians * 5000.0 + FRICTION);
-    assert!(
-        (0.9 * most..1.05 * most).contains(&greatest),
-        "{greatest} of {most}"
-    );
-}
-
 /// What the torques are parts of is the drive's, and is read before anything is written.
 #[test]
 fn a_motor_of_another_rated_torque_is_refused_by_name() {
@@ -172,7 +122,33 @@ fn a_motor_of_another_rated_torque_is_refused_by_name() {
     let fault = cause.to_string();
     let expected = "object 6076h:0 (motor rated torque) reads 00000BB8h, expected 000009C4h";
     assert!(fault.contains(expected), "{fault}");
-    assert!(sent(&rig).is_empty());
+    assert!(sent(&rig, node()).is_empty());
+}
+
+/// CiA 402 does not ask for 6076h: a drive without it is refused before anything is written, with what to do.
+#[test]
+fn a_drive_that_does_not_tell_its_rated_torque_is_to_be_described() {
+    let mut rig = portal(&feed_forward(), "model = \"cia402_csp\"");
+    rig.bus().doctor = Some(Box::new(|received| {
+        let answers = received.frame.id() == CanId::from(CobId::t_sdo(node()));
+        if answers && received.frame.data()[1..3] == [0x76, 0x60] {
+            let refused = [0x80, 0x76, 0x60, 0, 0, 0, 0x02, 0x06];
+            received.frame = Frame::new(received.frame.id(), &refused);
+        }
+        true
+    }));
+    let Fault::Device(_, cause) = rig.finish_with_fault() else {
+        panic!("{:?}", rig.events);
+    };
+    let fault = cause.to_string();
+    for told in [
+        "SDO read 6076h:0 aborted 0602 0000h",
+        "the drive does not tell its motor's rated torque: describe it by a file of its own (docs/described.md)",
+        "or leave `feed_forward` out",
+    ] {
+        assert!(fault.contains(told), "{fault}");
+    }
+    assert!(sent(&rig, node()).is_empty());
 }
 
 /// The line that `identify` tells is one of a machine file, and has what the plant takes.
@@ -184,17 +160,27 @@ fn what_is_identified_can_be_sent() {
         let text = machine_with("csp", &[("max_velocity = 800.0", &axis), WINDOWS]);
         folder.file("machine.toml", &text)
     };
-    let mut command = syncline();
-    command.args(["identify", "--axis", "Y"]).arg(machine(""));
-    let output = command.output().unwrap();
-    let (code, text, errors) = ended(&output);
-    assert_eq!(code, 0, "{errors}");
-    let mut lines = text.lines();
-    let line = lines
-        .find(|it| it.starts_with("feed_forward = "))
-        .expect(text);
-    let found = Machine::load(&machine(line)).unwrap().axes[1].feed_forward;
-    let found = found.expect("it is stated");
+    let log = folder.path("log.csv");
+    let told = |machine, option: &str| {
+        let mut command = syncline();
+        command.args(["identify", "--axis", "Y", option]).arg(&log);
+        let output = command.arg(machine).output().unwrap();
+        let (code, text, errors) = ended(&output);
+        assert_eq!(code, 0, "{errors}");
+        let mut lines = text.lines();
+        let line = lines.find(|it| it.starts_with("feed_forward = "));
+        line.expect(text).to_owned()
+    };
+    let line = told(machine(""), "--write-log");
+    let found = |said: &str| Machine::load(&machine(said)).unwrap().axes[1].feed_forward;
+    // Of an axis with backlash also what turns while that is taken up: what its motor has.
+    let backlash = "backlash = 0.02\n";
+    let crosses = told(machine(backlash), "--log");
+    let crosses = found(&format!("{backlash}{crosses}")).expect("it is stated");
+    let (is, expected) = (crosses.motor_inertia, 2.8e-4);
+    assert!((is / expected - 1.0).abs() < 0.03, "{is}");
+    let found = found(&line).expect("it is stated");
+    assert_eq!(found.motor_inertia, 0.0, "{line}");
     for (is, expected) in [
         (found.rated_torque, RATED),
         (found.inertia, 8.879e-4),
@@ -218,6 +204,10 @@ fn what_no_motor_takes_is_refused() {
         (
             "gravity = -2.9, coulomb_friction = 0.2",
             Some("takes 3.100 N·m to hold it up and break away"),
+        ),
+        (
+            "inertia = 5e-4, motor_inertia = 3e-4",
+            Some("`motor_inertia` of its `feed_forward` without `backlash`"),
         ),
         (
             "inertia = 8e-3",

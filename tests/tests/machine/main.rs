@@ -92,6 +92,7 @@ mod test_moves;
 mod threads;
 mod told_numbers;
 mod tool_setter;
+mod torque_offsets;
 mod trajectory;
 mod user_codes;
 mod validate;
