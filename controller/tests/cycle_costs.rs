@@ -15,7 +15,7 @@ use std::fs::File;
 use std::hint::black_box;
 use std::os::unix::fs::FileExt;
 use std::os::unix::process::CommandExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::{Arc, Mutex};
 use syncline_canopen::Instant;
@@ -135,8 +135,29 @@ impl Warm {
     /// The example of devices of several kinds: axes that are sent positions and velocities, loops closed by an encoder and by
     /// a drive, polls, and one that goes point to point. Its frames are relayed, as in a run in real time.
     fn mixed() -> Self {
-        let (machine, frames, start) = mixed_machine();
-        let mut plan = MixedPlan::new(start);
+        Self::of_example(&example("mixed"), Some(FEEDER))
+    }
+
+    /// A drive that is sent torques, on an axis whose backlash and lead error are compensated.
+    fn compensated() -> Self {
+        let keys = "max_velocity = 800.0\nbacklash = 0.05\nlead_error = [[0, 0], [100, 20], [250, -15], [400, 5]]\n\
+            feed_forward = { rated_torque = 1.4, inertia = 8e-4, motor_inertia = 3e-4, coulomb_friction = 0.2, \
+            viscous_friction = 1e-3, gravity = 0.1 }";
+        let text = std::fs::read_to_string(example("csp")).unwrap();
+        let text = text.replacen("max_velocity = 800.0", keys, 1);
+        // A child reads it while its parent's stays as it is.
+        let name = format!("compensated-{}.toml", std::process::id());
+        let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+        std::fs::write(&file, text).unwrap();
+        let warm = Self::of_example(&file, None);
+        std::fs::remove_file(file).unwrap();
+        warm
+    }
+
+    /// A machine file's, in simulation; at each end of its moves it has this axis go point to point.
+    fn of_example(file: &Path, feeder: Option<usize>) -> Self {
+        let (machine, frames, start) = simulated(file);
+        let mut plan = ExamplePlan::new(start, feeder);
         Self::of(machine, Some(frames), Box::new(move || plan.instruction()))
     }
 
@@ -194,10 +215,18 @@ impl Warm {
     }
 }
 
-/// `examples/mixed` in simulation, ready for its plan, and where that starts.
-fn mixed_machine() -> (Machinery, SharedFrames, [f64; COORDINATES]) {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/mixed/machine.toml");
-    let machine = Machine::load(&file).unwrap();
+/// The axis of `examples/mixed` that goes point to point.
+const FEEDER: usize = 6;
+
+/// The machine file of an example.
+fn example(name: &str) -> PathBuf {
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples");
+    examples.join(name).join("machine.toml")
+}
+
+/// A machine in simulation, ready for its plan, and where that starts.
+fn simulated(file: &Path) -> (Machinery, SharedFrames, [f64; COORDINATES]) {
+    let machine = Machine::load(file).unwrap();
     let frames = SharedFrames::new(&machine);
     let relays = (0..machine.buses.len()).map(|bus| Some(Box::new(frames.relay(bus)) as _));
     let simulated = Simulated::new(&machine, 0, relays, |_, _| ()).unwrap();
@@ -216,17 +245,16 @@ fn mixed_machine() -> (Machinery, SharedFrames, [f64; COORDINATES]) {
     panic!("no bring-up: {:?}", driver.controller.end());
 }
 
-/// Axes of the path to and fro, and at each end the feeder.
-struct MixedPlan {
+/// Axes of the path to and fro, and at each end the feeder, if there is one.
+struct ExamplePlan {
     planner: Planner<COORDINATES>,
     ends: [[f64; COORDINATES]; 2],
     moves: u32,
+    feeder: Option<usize>,
 }
 
-impl MixedPlan {
-    const FEEDER: usize = 6;
-
-    fn new(start: [f64; COORDINATES]) -> Self {
+impl ExamplePlan {
+    fn new(start: [f64; COORDINATES], feeder: Option<usize>) -> Self {
         let limits = Limits {
             velocity: [40.0; COORDINATES],
             acceleration: [400.0; COORDINATES],
@@ -240,6 +268,7 @@ impl MixedPlan {
             planner: Planner::new(limits, start),
             ends: [start, end],
             moves: 0,
+            feeder,
         }
     }
 
@@ -248,7 +277,9 @@ impl MixedPlan {
             match self.planner.pop() {
                 Some(PathCommand::Mark { item, mark }) => {
                     let mut targets = [None; COORDINATES];
-                    targets[Self::FEEDER] = Some(if mark % 2 == 0 { 5.0 } else { 0.0 });
+                    if let Some(feeder) = self.feeder {
+                        targets[feeder] = Some(if mark % 2 == 0 { 5.0 } else { 0.0 });
+                    }
                     let feeds = PointToPoint {
                         targets,
                         speed: None,
@@ -274,7 +305,9 @@ impl MixedPlan {
             tag: 1,
         });
         self.planner.push(item).unwrap();
-        self.planner.mark(self.moves);
+        if self.feeder.is_some() {
+            self.planner.mark(self.moves);
+        }
         self.moves += 1;
     }
 }
@@ -292,6 +325,15 @@ fn no_allocation_and_no_first_touch_in_100_000_cycles() {
 fn no_allocation_and_no_first_touch_with_devices_of_several_kinds() {
     let _alone = ONE_AT_A_TIME.lock();
     let mut warm = Warm::mixed();
+    assert_eq!(costs(&mut warm, 20_000, Plant::Nothing), (0, 0));
+    assert_eq!(costs(&mut warm, CHUNK, Plant::Allocation).0, 1);
+    assert_eq!(costs(&mut warm, CHUNK, Plant::FirstTouch).1, 1);
+}
+
+#[test]
+fn no_allocation_and_no_first_touch_with_compensated_axes_and_torques() {
+    let _alone = ONE_AT_A_TIME.lock();
+    let mut warm = Warm::compensated();
     assert_eq!(costs(&mut warm, 20_000, Plant::Nothing), (0, 0));
     assert_eq!(costs(&mut warm, CHUNK, Plant::Allocation).0, 1);
     assert_eq!(costs(&mut warm, CHUNK, Plant::FirstTouch).1, 1);
@@ -330,9 +372,11 @@ fn no_lock_is_taken_in_100_000_cycles() {
 #[test]
 fn no_lock_is_taken_with_devices_of_several_kinds_whose_frames_are_relayed() {
     let _alone = ONE_AT_A_TIME.lock();
-    let locks = |plant| watch_machine("mixed", plant, 1_000, Watch::CompareExchanges);
-    assert_eq!(locks(Plant::Nothing), 0);
-    assert!(locks(Plant::Lock) >= 1);
+    for machine in ["mixed", "compensated"] {
+        let locks = |plant| watch_machine(machine, plant, 1_000, Watch::CompareExchanges);
+        assert_eq!(locks(Plant::Nothing), 0, "{machine}");
+        assert!(locks(Plant::Lock) >= 1, "{machine}");
+    }
 }
 
 /// Exchanges too, as a spin lock takes them. Single steps are slow: a few cycles of one axis, whose code is
@@ -437,9 +481,10 @@ extern "C" fn watched() {
     let [Ok(plant), Ok(axes), Ok(cycles)] = ["PLANT", "AXES", "CYCLES"].map(std::env::var) else {
         return;
     };
-    let mut warm = match axes.parse() {
-        Ok(axes) => Warm::new(axes),
-        Err(_) => Warm::mixed(),
+    let mut warm = match axes.as_str() {
+        "mixed" => Warm::mixed(),
+        "compensated" => Warm::compensated(),
+        axes => Warm::new(axes.parse().unwrap()),
     };
     warm.run(cycles.parse().unwrap(), Plant::by_name(&plant), |_| mark());
     std::process::exit(0);
@@ -456,7 +501,7 @@ fn watch(plant: Plant, cycles: usize, what: Watch) -> u64 {
     watch_machine(&axes.to_string(), plant, cycles, what)
 }
 
-/// The same of a machine with so many axes, or of the [mixed](Warm::mixed) one.
+/// The same of a machine with so many axes, of the [mixed](Warm::mixed) or of the [compensated](Warm::compensated) one.
 fn watch_machine(axes: &str, plant: Plant, cycles: usize, what: Watch) -> u64 {
     let mut command = Command::new(std::env::current_exe().unwrap());
     command

@@ -4,6 +4,7 @@ use super::*;
 use crate::machine::{Axis, AxisLimits, Machine};
 use proptest::prelude::*;
 use std::path::Path;
+use syncline_drives::model::{Direction, Scaling};
 use syncline_trajectory::limits::Limits;
 
 const XYZ: &str = include_str!("../../../../../examples/xyz/machine.toml");
@@ -214,4 +215,62 @@ fn what_is_not_handed_over_is_not_taken_up() {
     assert!(!compensation.rests() && compensation.at(1.0) > 0.0);
     compensation.forget_flank();
     assert!(compensation.rests() && compensation.at(1.0) == 0.0);
+}
+
+/// A scaling of an axis and its drive, whichever way that counts.
+fn scaling() -> impl Strategy<Value = Scaling> {
+    let counts = prop_oneof![3 => (8..27_u32).prop_map(|bits| 1 << bits), 1 => 200..1_000_000_u32];
+    let direction = prop_oneof![Just(Direction::Positive), Just(Direction::Negative)];
+    let zero = -1_000_000_000..1_000_000_000_i32;
+    (counts, 0.1..400.0_f64, direction, zero).prop_map(|(counts, travel, direction, zero)| {
+        Scaling::new(counts, travel, direction, zero.into())
+    })
+}
+
+/// Points of a lead error as steep as one may be, mm.
+fn steep() -> impl Strategy<Value = Vec<(f64, f64)>> {
+    let interval = (0.5..80.0_f64, -0.08..0.08_f64);
+    (prop::collection::vec(interval, 2..9), -150.0..50.0_f64).prop_map(|(intervals, from)| {
+        let (mut at, mut error) = (from, 0.0);
+        let next = |(length, slope): (f64, f64)| {
+            (at, error) = (at + length, (error + slope * length).clamp(-1.0, 1.0));
+            (at, error)
+        };
+        intervals.into_iter().map(next).collect()
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 150, ..ProptestConfig::default() })]
+
+    /// Whatever axis it is: from what its drives count back comes the position that the plan had, to one increment, in mid-motion, while
+    /// backlash is taken up, and beyond the ends of the table.
+    #[test]
+    fn what_is_told_is_what_was_planned(
+        scaling in scaling(),
+        backlash in prop_oneof![1 => Just(0.0), 4 => 0.001..1.0_f64],
+        points in steep(),
+        placed in prop::bool::weighted(0.8),
+        legs in prop::collection::vec(leg(), 1..8),
+    ) {
+        let lead_error = machine::LeadError::new(&points);
+        prop_assume!(lead_error.greatest()[1] <= 0.1);
+        let of = machine::Compensation {
+            backlash,
+            take_up: Limits::symmetric(100.0, 625.0, 12_500.0),
+            lead_error,
+        };
+        let mut compensation = Compensation::new(&of, scaling.resolution());
+        compensation.place(placed);
+        let limits = AxisLimits { velocity: 400.0, acceleration: 2500.0, jerk: 50_000.0, ..AxisLimits::default() };
+        for (position, velocity) in planned(&limits, &legs) {
+            let correction = compensation.prepare(position, velocity, PERIOD);
+            compensation.go_on();
+            let counted = scaling.to_increments(position + correction.position).expect("it is near");
+            let told = compensation.uncorrected(scaling.to_mm(counted));
+            let off = (told - position).abs();
+            prop_assert!(off <= scaling.resolution() + 1e-9, "{} in place of {}: {} increments",
+                told, position, off / scaling.resolution());
+        }
+    }
 }
