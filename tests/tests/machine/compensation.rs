@@ -13,11 +13,11 @@ use syncline_gcode::AxisLetter;
 use syncline_tests::command::{Folder, ended, machine_with, syncline};
 use syncline_tests::rig::{PORTAL_PROGRAM, Rig};
 
-const LIMITS: &str = "soft_limits = [-250.0, 250.0]\nfollowing_error_limit = 1.0\n";
-const LIMITS_Y: &str = "soft_limits = [-200.0, 200.0]\nfollowing_error_limit = 1.0\n";
+pub(super) const LIMITS: &str = "soft_limits = [-250.0, 250.0]\nfollowing_error_limit = 1.0\n";
+pub(super) const LIMITS_Y: &str = "soft_limits = [-200.0, 200.0]\nfollowing_error_limit = 1.0\n";
 
 /// A screw that is off by up to so many µm, a period in 100 mm, every 10 mm, and right below `from`.
-fn lead_error(micrometres: f64, from: i32) -> String {
+pub(super) fn lead_error(micrometres: f64, from: i32) -> String {
     let mut text = String::from("lead_error = [");
     for at in (-200..=200).step_by(10) {
         let turns = f64::from((at - from).max(0)) / 100.0;
@@ -112,13 +112,13 @@ fn router(play: f64, compensated: bool) -> Rig {
     rig
 }
 
-/// Where the load of Y is, mm.
-fn load(rig: &mut Rig) -> f64 {
+/// Where the load of a drive has come to rest, mm.
+pub(super) fn load(rig: &mut Rig, drive: usize) -> f64 {
     for _ in 0..300 {
         rig.step();
     }
-    let turns = rig.twin(2).observe().load_position;
-    let scaling = rig.machine.drives[2].scaling;
+    let turns = rig.twin(drive).observe().load_position;
+    let scaling = rig.machine.drives[drive].scaling;
     let (one, zero) = (Increments::new(1 << 17), Increments::ZERO);
     turns * (scaling.to_mm(one) - scaling.to_mm(zero)) + scaling.to_mm(zero)
 }
@@ -133,7 +133,7 @@ fn the_load_is_where_the_axis_says() {
         let mut worst = 0.0_f64;
         for place in [10.0, 120.0, 70.0, 70.05, 70.0, 30.0, 110.0, 10.0] {
             go(&mut rig, Command::Mdi(format!("G0 Y{place}")));
-            worst = worst.max((load(&mut rig) - place).abs());
+            worst = worst.max((load(&mut rig, 2) - place).abs());
         }
         assert_eq!(rig.refused, []);
         assert_eq!(rig.problems, [""; 0]);

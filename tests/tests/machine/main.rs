@@ -14,6 +14,7 @@ mod cia402_csp;
 mod circles;
 mod coming_to_rest;
 mod compare;
+mod compensated_jobs;
 mod compensation;
 mod consoles;
 mod corpus;

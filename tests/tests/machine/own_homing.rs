@@ -10,8 +10,8 @@ use syncline_gcode::AxisLetter;
 use syncline_tests::rig::Rig;
 
 /// The homing of the router's Y in its machine file.
-const BY_SWITCH: &str = "kind = \"switch\"\norder = 2\nswitches = [\"home Y\"]\ndirection = \"negative\"\nspeed = 80.0\nslow_speed = 2.0\nback_off = 5.0\nposition = -4.0\nfinal_position = 0.0";
-const HOME_Y: &str = "[[input]]\nname = \"home Y\"\ndrive = \"Y\"\nsignal = \"DI0\"\nfunction = \"home\"\nsimulated = [-60.0, -4.0]\n";
+pub(super) const BY_SWITCH: &str = "kind = \"switch\"\norder = 2\nswitches = [\"home Y\"]\ndirection = \"negative\"\nspeed = 80.0\nslow_speed = 2.0\nback_off = 5.0\nposition = -4.0\nfinal_position = 0.0";
+pub(super) const HOME_Y: &str = "[[input]]\nname = \"home Y\"\ndrive = \"Y\"\nsignal = \"DI0\"\nfunction = \"home\"\nsimulated = [-60.0, -4.0]\n";
 /// Travel of Y in a revolution of its motor, from one index pulse to the next, mm.
 const TURN: f64 = 20.0;
 

@@ -15,7 +15,7 @@ use syncline_tests::command::{Folder, ended, machine_with, syncline};
 use syncline_tests::rig::Rig;
 
 /// Where the example machine gets its probe and its work pieces.
-const HERE: &str = "[model.lxm32m]";
+pub(super) const HERE: &str = "[model.lxm32m]";
 
 /// A box of 40 × 30 mm with its corner at X0 Y0 and its top at Z-20, and beside it a cylinder of 50 mm; a ball of 4 mm.
 const PIECES: &str = r#"
@@ -39,7 +39,7 @@ diameter = 50.0
 "#;
 
 /// The probe at inputs of these drives.
-fn wired(drives: &[&str]) -> String {
+pub(super) fn wired(drives: &[&str]) -> String {
     let wired = drives.iter().map(|drive| {
         format!(
             "[[input]]\nname = \"probe at {drive}\"\ndrive = \"{drive}\"\nsignal = \"DI0\"\nfunction = \"probe\"\n"
@@ -48,23 +48,23 @@ fn wired(drives: &[&str]) -> String {
     wired.collect()
 }
 
-const ALL: [&str; 3] = ["left-right", "front-back", "up-down"];
+pub(super) const ALL: [&str; 3] = ["left-right", "front-back", "up-down"];
 
 /// What a machine adds to the example.
-fn with(extra: &str) -> String {
+pub(super) fn with(extra: &str) -> String {
     format!("{extra}\n{PIECES}\n{HERE}")
 }
 
 /// A contact that a run came to.
 #[derive(Clone, Copy, Debug)]
-struct Contact {
-    at: Position,
-    uncertainty: f64,
+pub(super) struct Contact {
+    pub(super) at: Position,
+    pub(super) uncertainty: f64,
     by: KnownBy,
 }
 
 /// Runs to the end; every contact on the way, and how far the probe went behind each before the next motion.
-fn contacts(rig: &mut Rig) -> Vec<Contact> {
+pub(super) fn contacts(rig: &mut Rig) -> Vec<Contact> {
     let mut found = Vec::new();
     let mut seen = 0;
     loop {
@@ -91,7 +91,7 @@ fn contacts(rig: &mut Rig) -> Vec<Contact> {
     }
 }
 
-fn probe(rig: &Rig) -> TouchProbe {
+pub(super) fn probe(rig: &Rig) -> TouchProbe {
     rig.machine
         .touched
         .workpieces
@@ -100,7 +100,7 @@ fn probe(rig: &Rig) -> TouchProbe {
 }
 
 /// Around the box, from above, and about the cylinder.
-const AROUND: &str = "\
+pub(super) const AROUND: &str = "\
 G21 G90 G94
 G0 X-10 Y15 Z-15
 G0 Z-30
@@ -143,7 +143,7 @@ M2
 const INCREMENT: f64 = 20.0 / 1.5 / 131_072.0;
 
 /// The three of a place that a probe has.
-fn tip(at: &Position) -> Place {
+pub(super) fn tip(at: &Position) -> Place {
     [at[0], at[1], at[2]]
 }
 

@@ -64,17 +64,17 @@ impl Thread {
     }
 
     /// From Z40 down: a second in step, and what is needed before and behind.
-    fn length(&self) -> f64 {
+    pub(super) fn length(&self) -> f64 {
         1.4 * self.feed() + 2.0
     }
 
     /// Which way the tool goes, in X and Z.
-    fn direction(&self) -> [f64; 2] {
+    pub(super) fn direction(&self) -> [f64; 2] {
         let along = self.taper.hypot(1.0);
         [self.taper / along, -1.0 / along]
     }
 
-    fn program(&self) -> String {
+    pub(super) fn program(&self) -> String {
         let [x, z] = self.direction().map(|share| share * self.length());
         let code = if self.reverse { "M4" } else { "M3" };
         format!(
