@@ -5,6 +5,7 @@ mod feed_forward;
 mod feedback;
 mod history;
 mod position_loop;
+mod sag;
 mod sample;
 mod squaring;
 mod test_move;
@@ -482,6 +483,7 @@ impl AxisControl {
                 return Ok(self.reseat(nodes));
             }
         }
+        let position = self.held(position, nodes);
         self.seat(position, nodes)?;
         Ok(position)
     }

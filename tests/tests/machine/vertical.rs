@@ -7,7 +7,9 @@ use serde_json::Value;
 use std::f64::consts::TAU;
 use syncline_canopen::time::Duration;
 use syncline_controller::session::Command;
+use syncline_drives::model::Increments;
 use syncline_drives::twin::{Disturbance, ErrorClass};
+use syncline_gcode::AxisLetter;
 use syncline_tests::command::{Folder, ended, machine_with, syncline};
 use syncline_tests::rig::Rig;
 
@@ -217,6 +219,30 @@ fn the_page_has_what_it_drops_each_way() {
         let shown = rows.any(|line| line.contains(way.told()) && line.ends_with(&row));
         assert!(shown, "{}: {row}", way.told());
     }
+}
+
+/// As it is enabled a weight pulls it away from where its drive holds it, and it comes back: it is where it says then.
+#[test]
+fn it_is_where_it_says_once_its_loops_have_the_torque() {
+    let hanging = "max_velocity = 500.0\nsimulation = { transmission = \"screw\", load = 30, gravity = -290 }";
+    let mut rig = ready_with(&[
+        ("max_velocity = 500.0", hanging),
+        (
+            "node = 4\nmodel = \"lxm32m\"",
+            "node = 4\nmodel = \"cia402_csp\"",
+        ),
+    ]);
+    for _ in 0..200 {
+        rig.step();
+    }
+    let scaling = rig.machine.drives[Z].scaling;
+    let counts = scaling.travel_per_revolution().abs() / scaling.resolution();
+    let counts = (rig.twin(Z).observe().position * counts).round();
+    let is = scaling.to_mm(Increments::new(counts as i64));
+    let shown = rig.session.status().setpoint[AxisLetter::Z.index()];
+    println!("{is:.6} mm, and {shown:.6} mm is shown");
+    // Sixteen increments are taken for noise, and its loop answers that.
+    assert!((is - shown).abs() < 40.0 * scaling.resolution());
 }
 
 /// A validation tells what an axis with a weight falls as the machine is switched off in the end, and of no other axis.

@@ -1,0 +1,35 @@
+//! Where an axis is that a weight pulls down as its drives are enabled.
+//!
+//! A drive that is enabled holds where it was found, but its loops have no torque yet: a weight pulls the axis away, and they bring it back
+//! within some tenths of a second. Its setpoints are frozen meanwhile. Taken to be where its drives say then, it would be
+//! beside where it is said to be by as much, until it is enabled anew. So it is where its drives hold it.
+//!
+//! Between what a drive says and what it holds there is also the encoder's noise, which is no sag: what it says counts then.
+
+use super::super::node::DeviceNode;
+use super::AxisControl;
+
+/// Increments between what a drive holds and what it says that are no noise of its encoder.
+const SAG: f64 = 16.0;
+
+impl AxisControl {
+    /// Where its drives hold it, of which they say that it is at a position, mm.
+    pub(super) fn held(&self, told: f64, nodes: &[DeviceNode]) -> f64 {
+        // It is not its drives that hold it.
+        if self.loop_encoder().is_some() || self.point_to_point.is_some() {
+            return told;
+        }
+        let sides = self
+            .spec
+            .drives
+            .iter()
+            .map(|&drive| nodes[drive].setpoint_mm());
+        let held = self.uncorrected(sides.sum::<f64>() / self.sides.len() as f64);
+        let noise = SAG * nodes[self.drive()].scaling().resolution();
+        if (held - told).abs() > noise {
+            held
+        } else {
+            told
+        }
+    }
+}
