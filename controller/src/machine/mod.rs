@@ -404,6 +404,14 @@ impl Axis {
         let skew = skew.map(|it| it.skew.drawn(seed, COORDINATES as u64 + stream));
         start + skew.unwrap_or_default()
     }
+
+    /// Where the drive of that side stands then, mm: the side is where [`Self::stands`] says, its backlash aside.
+    #[must_use]
+    pub fn drive_stands(&self, side: usize, seed: u64) -> f64 {
+        let there = self.stands(side, seed);
+        let compensation = self.compensation.as_ref();
+        there - compensation.map_or(0.0, |it| it.lead_error.at(there).0)
+    }
 }
 
 impl Machine {

@@ -213,7 +213,10 @@ impl MachineState {
         {
             for (side, &drive) in axis.drives.iter().enumerate() {
                 let drive = &machine.drives[drive];
-                let position = drive.scaling.to_increments(axis.stands(side, seed)).ok();
+                let position = drive
+                    .scaling
+                    .to_increments(axis.drive_stands(side, seed))
+                    .ok();
                 let kept = position.map(|position| Kept {
                     origin: Increments::ZERO,
                     position,

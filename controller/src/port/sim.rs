@@ -244,8 +244,12 @@ pub fn config(machine: &Machine, index: usize, seed: u64) -> Config {
         let count = scaling.to_increments(mm);
         count.map_or(0.0, |count| scaling.to_revolutions(count))
     };
+    let stands = match side {
+        Some(side) => axis.drive_stands(side, seed),
+        None => axis.stands(0, seed),
+    };
     let config = Config {
-        position: turns(axis.stands(side.unwrap_or_default(), seed)),
+        position: turns(stands),
         ..config
     };
     if !node.model.is_drive() {

@@ -1,6 +1,6 @@
 //! Axes with play and lead error whose controller compensates them, beside the same without.
 
-use super::homing::{failure, go, home, settle, state};
+use super::homing::{errors as drives_beyond, failure, go, home, settle, state};
 use super::lost_cycles::{is_guarded, jumps, oversleep};
 use proptest::prelude::*;
 use serde_json::Value;
@@ -143,6 +143,18 @@ fn the_load_is_where_the_axis_says() {
     println!("the load is off by up to {open:.4} mm without, {closed:.4} mm with compensation");
     assert!(open > 0.07, "{open}");
     assert!(closed < 0.005, "{closed}");
+}
+
+/// Parked at a soft limit, an axis whose carriage is off by more than its standstill window is inside: a simulated carriage stands where
+/// the machine file has it stand.
+#[test]
+fn an_axis_that_is_corrected_stands_inside_its_soft_limits() {
+    let limits = "soft_limits = [0.0, 250.0]\nfollowing_error_limit = 1.0\nlead_error = [[0, -300], [100, -250]]\n";
+    let mut rig = Rig::staying_on("xyz", &[(LIMITS, limits)], |_, _| ());
+    settle(&mut rig);
+    assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+    let off = drives_beyond(&mut rig, AxisLetter::X)[0];
+    assert!((off - 0.3).abs() < 0.001, "its drive is {off} mm beyond");
 }
 
 /// Keys of X and Y of the portal.
