@@ -388,7 +388,7 @@ impl<const N: usize> Controller<N> {
             return;
         }
         if self.job.is_none() {
-            let rests = self.executor.is_at_rest() && self.shaping.is_settled();
+            let rests = self.executor.is_at_rest() && self.axes_rest();
             if self.executor.is_off_path() && rests {
                 self.rest_here();
             }
@@ -401,7 +401,7 @@ impl<const N: usize> Controller<N> {
             true => self.planned.velocity == [0.0; N],
             false => self.planned.speed == 0.0,
         };
-        let rests = self.executor.is_held() && (jogs || stands && self.shaping.is_settled());
+        let rests = self.executor.is_held() && (jogs || stands && self.axes_rest());
         let leg = self.executor.next_leg();
         if leg != self.told_leg {
             self.told_leg = leg;
@@ -490,6 +490,11 @@ impl<const N: usize> Controller<N> {
             true => self.rest_after(Outcome::Finished),
             false => self.go_to(Goal::Off(End::Finished)),
         }
+    }
+
+    /// The axes are where the executor has them: through the shaper, and with their backlash taken up.
+    fn axes_rest(&self) -> bool {
+        self.shaping.is_settled() && self.axes.iter().all(AxisControl::is_compensated)
     }
 
     /// The path has come to rest, and the axes have to be where that is.
