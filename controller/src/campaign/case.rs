@@ -124,6 +124,9 @@ impl Case {
         let programs = (0..draw.whole(1..=3)).map(|_| program::draw(&mut draw, machine));
         let mut programs: Vec<_> = programs.collect();
         programs.extend(program::special(&mut dice(6), machine));
+        if let Some(circles) = program::circles(&mut dice(33), machine) {
+            programs[0] = circles;
+        }
         program::go(&mut dice(16), machine, &mut programs);
         program::read_inputs(&mut dice(18), machine, &mut programs);
         program::orient(&mut dice(20), machine, &mut programs);

@@ -38,7 +38,8 @@ pub use checkers::{Checkers, Found, Violation};
 pub use coverage::Coverage;
 pub use interference::{Change, Interference, Tampering, ToBus, ToDrive, Traffic, Trouble};
 pub use machine::{
-    AxisSpec, DeviceSpec, EncoderSpec, IoSpec, MachineSpec, ShaperSpec, SpindleSpec, Wire,
+    AxisSpec, DeviceSpec, EncoderSpec, ErrorSpec, IoSpec, MachineSpec, ShaperSpec, SpindleSpec,
+    TransmissionSpec, Wire,
 };
 pub use operator::Deed;
 pub use stage::{Seen, Wanted};

@@ -91,6 +91,37 @@ pub(super) fn special(dice: &mut Dice, machine: &MachineSpec) -> Option<Vec<Stri
     Some(writer.lines)
 }
 
+/// Circles right beside where the machine stands, in one path mode: a machine with a shaper follows them from the first second on.
+pub(super) fn circles(dice: &mut Dice, machine: &MachineSpec) -> Option<Vec<String>> {
+    let axis = |letter: char| on_path(machine).find(|axis| axis.letter == letter);
+    let (x, y) = (axis('X')?, axis('Y')?);
+    let asked = dice.chance(0.7);
+    let spans = [x, y].map(|axis| axis.soft_limits[1] - axis.soft_limits[0]);
+    let radius = rounded(spans[0].min(spans[1]) * dice.between(0.002, 0.1), DECIMALS);
+    if machine.shaper.is_none() || !asked || radius < 0.001 {
+        return None;
+    }
+    // Towards the middle of each, so that the circles are inside.
+    let inwards = |axis: &AxisSpec| {
+        let [least, most] = axis.soft_limits;
+        radius.copysign(least + most - 2.0 * rest(axis))
+    };
+    let (to_x, to_y) = (rest(x), rounded(rest(y) + inwards(y), DECIMALS));
+    let feed = 60.0 * x.velocity.min(y.velocity) * dice.between(0.1, 1.0);
+    let mode = *dice.pick(&["G61", "G61.1", "G64"]);
+    let mut lines = vec![
+        "G17 G21 G90 G94".to_owned(),
+        format!("{mode} F{}", rounded(feed, DECIMALS).max(0.001)),
+        format!("G1 X{to_x} Y{to_y}"),
+    ];
+    for _ in 0..dice.whole(2..=5) {
+        let way = dice.whole(2..=3);
+        lines.push(format!("G{way} X{to_x} Y{to_y} I{} J0", inwards(x)));
+    }
+    lines.push("M2".to_owned());
+    Some(lines)
+}
+
 /// The axes that follow a path.
 fn on_path(machine: &MachineSpec) -> impl Iterator<Item = &AxisSpec> {
     machine.axes.iter().filter(|axis| !axis.goes)

@@ -72,6 +72,8 @@ pub struct Woken {
     pub outputs: Vec<u16>,
     /// By axis: where operators are shown that it is, mm.
     pub shown: Vec<f64>,
+    /// By axis: where operators are shown that it is sent, mm.
+    pub commanded: Vec<f64>,
 }
 
 /// What is left of a case that was played to its end.
@@ -280,8 +282,9 @@ impl<'a> Stage<'a> {
         let status = self.session.status();
         let axes = self.case.machine.axes.iter();
         let letters = axes.filter_map(|axis| AxisLetter::from_letter(axis.letter));
-        let shown = letters.map(|letter| status.actual[letter.index()]);
-        let (state, shown) = (status.state, shown.collect());
+        let coordinates: Vec<usize> = letters.map(AxisLetter::index).collect();
+        let of = |all: &[f64]| coordinates.iter().map(|it| all[*it]).collect();
+        let (state, shown, commanded) = (status.state, of(&status.actual), of(&status.setpoint));
         let timeline = self.session.timeline();
         let now = timeline.now();
         let world = timeline.world();
@@ -299,6 +302,7 @@ impl<'a> Stage<'a> {
             plants,
             outputs,
             shown,
+            commanded,
         }
     }
 

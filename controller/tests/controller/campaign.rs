@@ -6,7 +6,7 @@ use std::time::Duration;
 use syncline_canopen::cia402::{self, Statusword};
 use syncline_canopen::{CanId, CobId, Frame, Instant};
 use syncline_controller::campaign::stage::{self, Played, Woken};
-use syncline_controller::campaign::{self, Case, Checkers, Interference, Seen, Wanted};
+use syncline_controller::campaign::{self, AxisSpec, Case, Checkers, Interference, Seen, Wanted};
 use syncline_controller::control::fault::{AxisCause, BusCause, DeviceCause, Fault};
 use syncline_controller::control::{self, State};
 use syncline_controller::machine::Machine;
@@ -1184,6 +1184,47 @@ fn every_planted_defect_is_found_by_its_checker() {
         }
     }
     assert!(missed.is_empty(), "not found:\n{}", missed.join("\n"));
+}
+
+/// Quiet cases of corrected axes whose positions a drive is sent, as they are seen where the machine corrects by something else.
+#[test]
+fn what_is_corrected_by_something_else_is_found() {
+    let corrected = |case: &Case| {
+        let mut axes = case.machine.axes.iter();
+        let is_sent = |it: &AxisSpec| it.drives[0].model == "lxm32m" && it.homing.is_none();
+        axes.position(|it| {
+            is_sent(it)
+                && it
+                    .corrected
+                    .as_ref()
+                    .is_some_and(|it| it.lead_error.len() > 1)
+        })
+    };
+    let quiet = (0..).map(Case::of).filter(|case| {
+        case.is_untroubled()
+            && case.patience.is_some()
+            && corrected(case).is_some()
+            && case.cycles < 1500
+    });
+    let moves = |it: &Recorded| it.played.summary.times.motion_s > 0.5;
+    let recorded: Vec<Recorded> = quiet.map(record).filter(moves).take(3).collect();
+    let found = |part: f64| {
+        let mut found = recorded.iter().filter(|it| {
+            let mut case = it.case.clone();
+            let axis = corrected(&case).unwrap();
+            let errors = case.machine.axes[axis].corrected.as_mut().unwrap();
+            errors.backlash *= part.abs();
+            errors.lead_error.iter_mut().for_each(|it| it.1 *= part);
+            let mut checkers = Checkers::new(&case, &it.machine);
+            it.seen.iter().for_each(|seen| checkers.see(seen));
+            checkers.found.0.iter().any(|it| it.checker == "carriage")
+        });
+        found.next().is_some()
+    };
+    assert!(!found(1.0), "as it is");
+    for part in [2.0, 0.5, -1.0] {
+        assert!(found(part), "{part} times as much");
+    }
 }
 
 #[test]

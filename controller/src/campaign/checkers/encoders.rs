@@ -65,6 +65,8 @@ fn allowed(scene: &Scene<'_>, encoder: usize) -> (f64, f64) {
     let specs = scene.case.machine.axes[axis].encoder.as_ref();
     let pitch = specs.map_or(0.0, |it| it.pitch);
     let margin = MARGIN.0 * scene.case.machine.axes[axis].travel + MARGIN.1 * pitch;
+    // It sees what lies behind the drives, and counts from where that stood at first.
+    let margin = margin + 2.0 * scene.corrected[axis].greatest();
     (limit.unwrap_or(f64::INFINITY), margin)
 }
 

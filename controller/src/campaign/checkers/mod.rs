@@ -5,6 +5,7 @@
 //! checker. What a checker finds is a [`Violation`], the first one of each kind of it.
 //!
 //! - `setpoints`: within limits and soft limits, ever, as drives are sent them
+//! - `carriage`: drives are sent beyond their axis by what its transmission is off, and no further
 //! - `motion`: nothing moves that is not enabled and commanded; sides of a gantry stay together
 //! - `stops`: at rest in time after every cause, and no motion until a person acted
 //! - `transitions`: what may follow what, of states, NMT commands and controlwords
@@ -23,6 +24,7 @@
 mod alarms;
 mod answers;
 mod bus;
+mod carriage;
 mod encoders;
 mod ending;
 mod faulted;
@@ -132,6 +134,7 @@ trait Checker {
 pub struct Checkers<'a> {
     scene: Scene<'a>,
     setpoints: setpoints::Setpoints,
+    carriage: carriage::Carriage,
     motion: motion::Motion,
     stops: stops::Stops,
     transitions: transitions::Transitions,
@@ -155,8 +158,9 @@ impl<'a> Checkers<'a> {
         let scene = Scene::new(case, machine);
         Self {
             setpoints: setpoints::Setpoints::new(machine),
+            carriage: carriage::Carriage::new(machine),
             motion: motion::Motion::new(machine),
-            stops: stops::Stops::new(case, machine),
+            stops: stops::Stops::new(&scene),
             transitions: transitions::Transitions::default(),
             alarms: alarms::Alarms::default(),
             reactions: reactions::Reactions::new(machine),
@@ -221,6 +225,7 @@ impl<'a> Checkers<'a> {
         let Self {
             scene,
             setpoints,
+            carriage,
             motion,
             stops,
             transitions,
@@ -235,8 +240,9 @@ impl<'a> Checkers<'a> {
             ending,
             found,
         } = self;
-        let all: [&mut dyn Checker; 13] = [
+        let all: [&mut dyn Checker; 14] = [
             setpoints,
+            carriage,
             motion,
             stops,
             transitions,

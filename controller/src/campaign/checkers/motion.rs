@@ -109,7 +109,7 @@ impl Motion {
         };
         let axis = &scene.machine.axes[scene.machine.drives[drive].axis];
         // A setpoint is where the drive is to be a cycle or some later.
-        let under_way = 4.0 * scene.period() * axis.limits.velocity;
+        let under_way = 4.0 * scene.period() * axis.sent_limits.velocity;
         let allowed = axis.limits.following_error + under_way;
         let off = (scene.mm(drive, latched) - actual).abs();
         if it.in_effect && off > allowed && !scene.is_disturbed(DISTURBED) && !scene.faulted {
@@ -135,7 +135,7 @@ impl Motion {
                 continue;
             };
             is.truncate(SHOWN_AFTER - 1);
-            is.push_front(sides.iter().sum::<f64>() / sides.len() as f64);
+            is.push_front(scene.axis(index, sides.iter().sum::<f64>() / sides.len() as f64));
             if is.len() < SHOWN_AFTER || !scene.case.is_untroubled() {
                 continue;
             }
@@ -151,7 +151,8 @@ impl Motion {
             let by_encoder = encoder.map_or(0.0, |it| {
                 2.0 * scene.machine.encoders[it.encoder].scaling.resolution()
             });
-            let allowed = scene.uncertainty[index] + NOISE * resolution + between + by_encoder;
+            let off = scene.uncertainty[index] + scene.unknown(index);
+            let allowed = off + NOISE * resolution + between + by_encoder;
             let shown = scene.shown[index];
             if shown < least - allowed || shown > most + allowed {
                 found.violate(NAME, scene, "a position that is shown is another", || {

@@ -6,6 +6,7 @@
 
 use super::super::interference::{Interference, ToDrive};
 use super::super::machine::FASTEST;
+use super::scene::NOISE;
 use super::script::{Reading, Script, Switched};
 use super::{Checker, Found, Scene};
 use crate::control::{self, Outcome, State};
@@ -391,10 +392,11 @@ impl Outputs {
 
     /// Where setpoints are at the last SYNC, and how far they went at most in a cycle lately, by axis.
     fn setpoints(&mut self, scene: &Scene<'_>) {
-        for (axis, setpoints) in scene.machine.axes.iter().zip(&mut self.setpoints) {
+        let axes = scene.machine.axes.iter().enumerate();
+        for ((index, axis), setpoints) in axes.zip(&mut self.setpoints) {
             let drive = axis.drives[0];
             if let Some(at) = scene.drives[drive].latched {
-                setpoints.push_back(scene.mm(drive, at));
+                setpoints.push_back(scene.axis(index, scene.mm(drive, at)));
             }
             if setpoints.len() > 4 {
                 setpoints.pop_front();
@@ -415,8 +417,8 @@ impl Outputs {
                 .map(|(from, to)| (to - from).abs())
                 .fold(0.0, f64::max);
             let resolution = scene.machine.drives[axis.drives[0]].scaling.resolution();
-            let off = scene.uncertainty[index] + self.shaped[index];
-            let allowed = tolerance + off + OFF * (most + resolution);
+            let off = scene.uncertainty[index] + scene.unknown(index) + self.shaped[index];
+            let allowed = tolerance + off + OFF * most + NOISE * resolution;
             setpoints
                 .back()
                 .is_none_or(|at| (at - place).abs() <= allowed)

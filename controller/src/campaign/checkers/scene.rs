@@ -3,6 +3,7 @@
 use super::super::case::Case;
 use super::super::interference::{Interference, ToBus, ToDrive};
 use super::super::stage::Woken;
+use super::carriage::Corrected;
 use crate::control::{self, Phase, State};
 use crate::machine::{HomingMethod, Machine, Motion};
 use crate::observe::mapping::{Heard, PdoMappings};
@@ -16,6 +17,12 @@ use syncline_drives::twin::Observation;
 /// Controlword and statusword, as a mapping names them.
 const CONTROLWORD: u32 = 0x6040_0010;
 const STATUSWORD: u32 = 0x6041_0010;
+/// Increments by which an axis that is set where it stands may stand beside where its drive says: the encoder's noise.
+const SEEN: f64 = 200.0;
+/// As its drives are enabled an axis is where they say, with their encoders' noise: so many increments.
+pub(super) const NOISE: f64 = 20.0;
+/// By so much of the way a lead error changes at the most, as docs/machine-file.md has it.
+const STEEPEST: f64 = 0.1;
 /// The target velocity.
 const VELOCITY: u32 = 0x60FF_0020;
 
@@ -52,8 +59,15 @@ pub struct Scene<'a> {
     pub set_off: Vec<f64>,
     /// By axis: by how much those may be off, as was told, mm.
     pub uncertainty: Vec<f64>,
+    /// By axis: what its drives are sent beyond it.
+    pub corrected: Vec<Corrected>,
+    /// By axis: by how much what drives count may be off what they are sent beyond it, as it was homed: who looks for a switch, or says
+    /// where it stands, does not know the flank, mm.
+    pub homed_off: Vec<f64>,
     /// By axis: where operators are shown that it is, mm.
     pub shown: Vec<f64>,
+    /// By axis: where operators are shown that it is sent, mm.
+    pub commanded: Vec<f64>,
     /// What happened from outside, and when.
     pub interferences: Vec<(Instant, Interference)>,
     /// A fault was told, and no reset since.
@@ -152,12 +166,12 @@ impl DriveScene {
     }
 }
 
-/// What a drive would count where its shaft is.
-fn count(machine: &Machine, drive: usize, plant: &Observation) -> Increments {
+/// What a drive would count, so many revolutions from its encoder's zero.
+fn count(machine: &Machine, drive: usize, revolutions: f64) -> Increments {
     let spec = &machine.drives[drive];
     let revolution = machine.axes[spec.axis].mm_per_revolution;
     // The range of increments is wide enough: positions come from a simulation.
-    let increments = plant.position * revolution / spec.scaling.resolution();
+    let increments = revolutions * revolution / spec.scaling.resolution();
     Increments::new(increments.round() as i64)
 }
 
@@ -203,7 +217,10 @@ impl<'a> Scene<'a> {
                 .collect(),
             set_off: vec![0.0; machine.axes.len()],
             uncertainty: vec![0.0; machine.axes.len()],
+            corrected: Corrected::all(case),
+            homed_off: vec![0.0; machine.axes.len()],
             shown: Vec::new(),
+            commanded: Vec::new(),
             interferences: Vec::new(),
             faulted: false,
             told_status: None,
@@ -291,8 +308,30 @@ impl<'a> Scene<'a> {
     /// Where a drive's shaft is, mm.
     #[must_use]
     pub fn actual(&self, drive: usize) -> Option<f64> {
-        let count = count(self.machine, drive, self.plants.get(drive)?);
+        let count = count(self.machine, drive, self.plants.get(drive)?.position);
         Some(self.mm(drive, count))
+    }
+
+    /// Where what a drive moves is, mm.
+    #[must_use]
+    pub fn carriage(&self, drive: usize) -> Option<f64> {
+        let load = self.plants.get(drive)?.load_position;
+        Some(self.mm(drive, count(self.machine, drive, load)))
+    }
+
+    /// Where an axis is whose drives are there, mm: by [`Self::unknown`] more or less.
+    #[must_use]
+    pub fn axis(&self, axis: usize, drives: f64) -> f64 {
+        match self.is_placed(axis) {
+            true => self.corrected[axis].axis(drives),
+            false => drives,
+        }
+    }
+
+    /// How far an axis may be beside that, mm: where a flank is not known, with what the lead error changes by on the way there.
+    #[must_use]
+    pub fn unknown(&self, axis: usize) -> f64 {
+        (self.corrected[axis].half + self.homed_off[axis]) / (1.0 - STEEPEST)
     }
 
     /// Whether anything happened from outside in the last `seconds`, or lasts.
@@ -336,7 +375,8 @@ impl<'a> Scene<'a> {
                 let followed = std::mem::replace(&mut drive.in_effect, follows);
                 let before = drive.latched;
                 let plant = self.plants.get(index);
-                let known = before.or_else(|| plant.map(|it| count(self.machine, index, it)));
+                let count = |it: &Observation| count(self.machine, index, it.position);
+                let known = before.or_else(|| plant.map(count));
                 let known = known.unwrap_or_default();
                 drive.latched = (drive.setpoint).map(|it| unwrapped(it, reader.range(), known));
                 drive.moves = followed && drive.in_effect && drive.latched != before;
@@ -399,10 +439,16 @@ impl<'a> Scene<'a> {
                 self.referenced[*axis] = true;
                 self.uncertainty[*axis] = uncertainty.unwrap_or(0.0);
                 let spec = &self.machine.axes[*axis];
+                let corrected = &self.corrected[*axis];
+                let drive = spec.drives[0];
                 if let HomingMethod::SetHere { position } = spec.homing.method
-                    && let Some(actual) = self.actual(spec.drives[0])
+                    && let Some(actual) = self.actual(drive)
                 {
-                    self.set_off[*axis] += position - actual;
+                    self.set_off[*axis] += corrected.drives(position) - actual;
+                    let resolution = self.machine.drives[drive].scaling.resolution();
+                    self.homed_off[*axis] = corrected.half + SEEN * resolution;
+                } else {
+                    self.homed_off[*axis] = corrected.greatest();
                 }
             }
             Event::Machine(control::Event::Unreferenced { axis, .. }) => {
@@ -423,5 +469,6 @@ impl<'a> Scene<'a> {
         self.plants.clone_from(&woken.plants);
         self.outputs.clone_from(&woken.outputs);
         self.shown.clone_from(&woken.shown);
+        self.commanded.clone_from(&woken.commanded);
     }
 }

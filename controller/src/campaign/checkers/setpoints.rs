@@ -50,7 +50,7 @@ impl Setpoints {
         let increment = spec.scaling.resolution();
         let limits = &axis.sent_limits;
         if scene.is_placed(spec.axis) {
-            outside(scene, drive, latched, limits, increment, found);
+            outside(scene, drive, latched, &axis.limits, increment, found);
         }
         // An axis that is set where it stands does not move by that.
         let position = spec.scaling.to_mm(latched);
@@ -120,10 +120,12 @@ fn outside(
     increment: f64,
     found: &mut Found,
 ) {
-    let position = scene.mm(drive, latched);
+    let axis = scene.machine.drives[drive].axis;
+    let position = scene.axis(axis, scene.mm(drive, latched));
     let (least, most) = limits.position;
     let beyond = (least - position).max(position - most);
-    let allowed = limits.standstill + limits.skew.unwrap_or(0.0) + increment;
+    let aside = limits.skew.unwrap_or(0.0) + scene.unknown(axis);
+    let allowed = limits.standstill + aside + increment;
     if beyond > allowed {
         found.violate(NAME, scene, "soft limits", || {
             let name = &scene.machine.drives[drive].name;

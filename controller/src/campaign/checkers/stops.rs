@@ -5,12 +5,11 @@
 //! of an acceleration for the bend, so that [`CURVED`] times that is allowed. Where the planner has to
 //! answer first, or does nothing because it is starved, the path goes on meanwhile.
 
-use super::super::case::Case;
 use super::super::interference::{Interference, ToDrive};
 use super::super::stage::Played;
+use super::carriage::taken_up;
 use super::{Checker, Found, Scene};
 use crate::control;
-use crate::machine::Machine;
 use crate::session::{Command, Event};
 use syncline_canopen::Instant;
 use syncline_drives::model::Increments;
@@ -35,6 +34,8 @@ pub(super) struct Stops {
     line: f64,
     /// The longest that a shaper of these modes goes on, s.
     shaped: f64,
+    /// The longest that a backlash is taken up, s.
+    taken_up: f64,
     stop: Option<Stop>,
     /// How long they took.
     pub(super) times: StopTimes,
@@ -56,7 +57,8 @@ struct Stop {
 }
 
 impl Stops {
-    pub(super) fn new(case: &Case, machine: &Machine) -> Self {
+    pub(super) fn new(scene: &Scene<'_>) -> Self {
+        let (case, machine) = (scene.case, scene.machine);
         let modes = case.machine.shaper.iter().flat_map(|it| &it.modes);
         let worst = |of: fn(&crate::machine::AxisLimits) -> f64| {
             let axes = machine.axes.iter().map(|axis| of(&axis.limits));
@@ -66,6 +68,9 @@ impl Stops {
             line: worst(|limits| limits.velocity / limits.acceleration)
                 + worst(|limits| limits.acceleration / limits.jerk),
             shaped: modes.map(|(frequency, _)| PERIODS / frequency).sum(),
+            taken_up: (0..machine.axes.len())
+                .map(|axis| taken_up(scene, axis))
+                .fold(0.0, f64::max),
             stop: None,
             times: StopTimes::default(),
             latched: vec![None; machine.drives.len()],
@@ -109,7 +114,8 @@ impl Stops {
     }
 
     fn bound(&self, scene: &Scene<'_>, stop: &Stop) -> f64 {
-        CURVED * self.line + self.shaped + ANSWER + CYCLES * scene.period() + stop.longer
+        let smooth = CURVED * self.line + self.shaped + self.taken_up;
+        smooth + ANSWER + CYCLES * scene.period() + stop.longer
     }
 }
 

@@ -74,13 +74,14 @@ impl Checker for Velocities {
     fn woken(&mut self, scene: &Scene<'_>, found: &mut Found) {
         for (drive, watched) in self.0.iter_mut().enumerate() {
             let sent = scene.drives[drive].velocity.unwrap_or(0);
-            if watched.dynamics.is_none() || sent != 0 {
+            let plant = &scene.plants[drive];
+            // As its power stage comes on a weight pulls it away until its loop has the torque.
+            if watched.dynamics.is_none() || sent != 0 || !plant.is_powered {
                 watched.rests = scene.now;
                 continue;
             }
-            let plant = &scene.plants[drive];
             let settled = scene.since(watched.rests) > SETTLES;
-            let turns = plant.is_powered && plant.velocity.abs() > AT_REST;
+            let turns = plant.velocity.abs() > AT_REST;
             if settled && turns && !scene.is_disturbed(DISTURBED) {
                 found.violate(NAME, scene, "turns although it is sent no velocity", || {
                     let name = &scene.machine.drives[drive].name;

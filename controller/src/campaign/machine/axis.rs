@@ -1,12 +1,12 @@
 //! Axes of a random machine, with their drives and encoders.
 
 use super::super::dice::{Dice, rounded};
+use super::mechanics::{ErrorSpec, TransmissionSpec};
 use super::wires::{HOME, Wire};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
 use std::ops::RangeInclusive;
 use syncline_drives::model::{Ability, Address, Assumed, MODELS, Model};
-use syncline_drives::twin::servo::motor::{MOTORS, Motor};
 
 /// CiA 402's quick stop ramp, increments/s². As a drive leaves the factory it may be steeper than many a motor
 /// can follow, so who sets up a machine writes what the axis takes, where the controller does not.
@@ -52,6 +52,12 @@ pub struct AxisSpec {
     /// For how long its position may be missing, where the controller closes a loop about it, ms.
     #[serde(default)]
     pub position_loss: Option<u32>,
+    /// What its setpoints are corrected by.
+    #[serde(default)]
+    pub corrected: Option<ErrorSpec>,
+    /// What is between its motors and its carriage.
+    #[serde(default)]
+    pub transmission: Option<TransmissionSpec>,
 }
 
 /// An encoder of an axis, by CiA 406.
@@ -206,6 +212,8 @@ impl AxisSpec {
             encoder: None,
             goes: false,
             position_loss: None,
+            corrected: None,
+            transmission: None,
         }
     }
 
@@ -238,19 +246,12 @@ impl AxisSpec {
 
     /// Has drives that can be sent torques be sent them: of an axis of which somebody knows not quite what it takes.
     pub(super) fn send_torques(&mut self, dice: &mut Dice) {
-        let takes = |drive: &DeviceSpec| {
-            let model = drive.model();
-            model.is_some_and(|model| model.abilities.contains(&Ability::TorqueOffset))
-        };
         let (asked, inertia) = (dice.chance(0.4), dice.between(1e-4, 6e-4));
         let friction = dice.between(0.0, 0.1);
-        if !asked || self.goes || !self.drives.iter().all(takes) {
+        if !asked || !self.takes_torques() {
             return;
         }
-        let simulation = self.simulation.as_deref().unwrap_or_default();
-        let is_named = |motor: &&Motor| simulation.contains(&format!("\"{}\"", motor.name));
-        let motor = MOTORS.iter().find(is_named).copied();
-        let rated = motor.unwrap_or_default().continuous_torque;
+        let rated = self.motor().continuous_torque;
         self.feed_forward = Some(format!(
             "rated_torque = {rated:?}, inertia = {}, coulomb_friction = {}",
             rounded(inertia, 6),
@@ -353,6 +354,11 @@ impl AxisSpec {
         digits(0.25 * self.travel)
     }
 
+    /// Whether its mm are degrees.
+    pub(super) fn is_rotary(&self) -> bool {
+        matches!(self.letter, 'A' | 'B' | 'C')
+    }
+
     /// What the machine file calls one of its drives.
     pub(super) fn drive_name(&self, side: usize) -> String {
         format!("{}{}", self.letter, side + 1)
@@ -394,9 +400,10 @@ impl AxisSpec {
         let names: Vec<String> = (0..self.drives.len())
             .map(|side| format!("\"{}\"", name(side)))
             .collect();
-        let rotary = matches!(self.letter, 'A' | 'B' | 'C');
-        let gear = if rotary { 360.0 / self.travel } else { 1.0 };
-        let pitch = if rotary { 360.0 } else { self.travel };
+        let (pitch, gear) = match self.is_rotary() {
+            true => (360.0, 360.0 / self.travel),
+            false => (self.travel, 1.0),
+        };
         let [least, most] = self.soft_limits;
         let following_error = self.following_error();
         let _ = write!(
@@ -440,8 +447,13 @@ impl AxisSpec {
         if let Some(inside) = &self.feed_forward {
             let _ = writeln!(text, "feed_forward = {{ {inside} }}");
         }
-        if let Some(inside) = &self.simulation {
-            let _ = writeln!(text, "simulation = {{ {inside} }}");
+        if let Some(errors) = &self.corrected {
+            errors.write(text);
+        }
+        let inside = [self.simulation.clone(), self.between()];
+        let inside: Vec<String> = inside.into_iter().flatten().collect();
+        if !inside.is_empty() {
+            let _ = writeln!(text, "simulation = {{ {} }}", inside.join(", "));
         }
         if let Some(inside) = &self.homing {
             let _ = writeln!(text, "\n[axis.homing]\n{inside}");
@@ -455,7 +467,7 @@ fn direction(negative: bool) -> &'static str {
 }
 
 /// A number as people write it: to four digits or so.
-fn digits(value: f64) -> f64 {
+pub(super) fn digits(value: f64) -> f64 {
     let magnitude = value.abs();
     let decimals = [1000.0, 100.0, 10.0, 1.0, 0.1, 0.01];
     let decimals = decimals.iter().filter(|it| magnitude < **it).count();

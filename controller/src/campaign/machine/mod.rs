@@ -1,10 +1,12 @@
 //! Random machines, as data: what a shrinking case leaves out, and what becomes a machine file.
 
 mod axis;
+mod mechanics;
 mod wires;
 
 pub use axis::{AxisSpec, DeviceSpec, EncoderSpec};
 use axis::{ENCODER_NODES, STEPPER};
+pub use mechanics::{ErrorSpec, TransmissionSpec};
 pub use wires::{IoSpec, Wire};
 
 use super::dice::{Dice, rounded};
@@ -61,6 +63,9 @@ const COMMON: [Key; 4] = [
 
 /// Draws of a machine until one fits its buses; then the simplest one is taken.
 const DRAWS: usize = 40;
+
+/// Errors of a transmission are halved as often, until they leave the plan enough.
+const HALVINGS: u32 = 8;
 
 /// A machine.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -134,6 +139,9 @@ pub struct ShaperSpec {
     pub kind: String,
     /// Natural frequencies, Hz, and damping ratios.
     pub modes: Vec<(f64, f64)>,
+    /// What it shapes, if the machine file says so.
+    #[serde(default)]
+    pub method: Option<String>,
 }
 
 impl MachineSpec {
@@ -167,6 +175,9 @@ impl MachineSpec {
         machine.turn(&mut Dice::new(seed, 19));
         machine.take_indices(&mut Dice::new(seed, 23));
         machine.send_torques(&mut Dice::new(seed, 29));
+        machine.weigh(&mut Dice::new(seed, 30));
+        machine.err(&mut Dice::new(seed, 31));
+        machine.choose_method(&mut Dice::new(seed, 32));
         machine
     }
 
@@ -421,6 +432,47 @@ impl MachineSpec {
         }
     }
 
+    /// Has weights pull at some axes, and guides of some be thick with grease.
+    fn weigh(&mut self, dice: &mut Dice) {
+        for place in 0..self.axes.len() {
+            let mut with = self.clone();
+            with.axes[place].weigh(dice);
+            if with.axes[place] != self.axes[place] && with.fits() {
+                *self = with;
+            }
+        }
+    }
+
+    /// Has transmissions of some machines be off, and setpoints be corrected, by no more than leaves the plan enough of the limits.
+    fn err(&mut self, dice: &mut Dice) {
+        if !dice.chance(0.3) {
+            return;
+        }
+        for place in 0..self.axes.len() {
+            let mut with = self.clone();
+            let asked = dice.chance(0.6);
+            with.axes[place].err(dice);
+            if !asked || with.axes[place] == self.axes[place] {
+                continue;
+            }
+            for _ in 0..HALVINGS {
+                if with.fits() {
+                    *self = with;
+                    break;
+                }
+                with.axes[place].halve_errors();
+            }
+        }
+    }
+
+    /// Has some shapers shape all moves by the one method or by the other.
+    fn choose_method(&mut self, dice: &mut Dice) {
+        let method = *dice.pick(&[None, Some("clock"), Some("coordinates")]);
+        if let Some(shaper) = &mut self.shaper {
+            shaper.method = method.map(str::to_owned);
+        }
+    }
+
     /// Has encoders watch some axes that are not homed, where the buses have room for what they tell.
     fn watch(&mut self, dice: &mut Dice) {
         if !dice.chance(0.2) {
@@ -547,6 +599,7 @@ impl MachineSpec {
         let shaper = Some(ShaperSpec {
             kind: kind.to_owned(),
             modes,
+            method: None,
         });
         let shaped = Self {
             shaper,
@@ -648,13 +701,21 @@ impl MachineSpec {
         if let Some(spindle) = &self.spindle {
             spindle.write(&mut text);
         }
-        if let Some(ShaperSpec { kind, modes }) = &self.shaper {
+        if let Some(ShaperSpec {
+            kind,
+            modes,
+            method,
+        }) = &self.shaper
+        {
             let modes = modes
                 .iter()
                 .map(|(at, damping)| format!("[{at:?}, {damping:?}]"));
             let modes: Vec<_> = modes.collect();
             let modes = modes.join(", ");
             let _ = write!(text, "\n[shaper]\nkind = \"{kind}\"\nmodes = [{modes}]\n");
+            if let Some(method) = method {
+                let _ = writeln!(text, "method = \"{method}\"");
+            }
         }
         for table in &self.models {
             text.push('\n');
@@ -695,6 +756,8 @@ mod tests {
     fn whatever_is_wired_is_good() {
         let (mut wires, mut homed, mut switches, mut encoders, mut shapers) = (0, 0, 0, 0, 0);
         let (mut spindles, mut measured, mut indices, mut torques) = (0, 0, 0, 0);
+        let (mut corrected, mut fitting, mut plays, mut weights, mut greased) = (0, 0, 0, 0, 0);
+        let (mut methods, mut told) = (0, 0);
         let (mut velocities, mut goers, mut steppers, mut loops, mut described) = (0, 0, 0, 0, 0);
         for seed in 0..300 {
             let spec = MachineSpec::of(seed);
@@ -722,9 +785,27 @@ mod tests {
             };
             indices += spec.axes.iter().filter(by_index).count();
             torques += (spec.axes.iter().filter(|it| it.feed_forward.is_some())).count();
+            methods += usize::from(spec.shaper.as_ref().is_some_and(|it| it.method.is_some()));
+            for axis in &spec.axes {
+                let carriage = axis.transmission.as_ref().map(|it| &it.errors);
+                corrected += usize::from(axis.corrected.is_some());
+                fitting +=
+                    usize::from(axis.corrected.is_some() && axis.corrected.as_ref() == carriage);
+                plays += usize::from(carriage.is_some_and(|it| it.backlash > 0.0));
+                let simulation = axis.simulation.as_deref().unwrap_or_default();
+                weights += usize::from(simulation.contains("gravity"));
+                greased += usize::from(simulation.contains("viscous"));
+                let feed_forward = axis.feed_forward.as_deref().unwrap_or_default();
+                told += usize::from(feed_forward.contains("gravity"));
+            }
             spec.machine()
                 .unwrap_or_else(|wrong| panic!("{seed}: {wrong}"));
         }
+        assert!(
+            corrected > 100 && fitting > 50 && plays > 50 && weights > 100 && greased > 80,
+            "{corrected} {fitting} {plays} {weights} {greased}"
+        );
+        assert!(methods > 10 && told > 10, "{methods} {told}");
         assert!(
             wires > 300 && homed > 100 && switches > 50 && encoders > 50 && shapers > 20,
             "{wires} {homed} {switches} {encoders} {shapers}"
