@@ -44,7 +44,11 @@ pub(crate) fn begun_at(program: &mut Interpreter, line: u32) -> Result<Vec<Actio
         ..
     } = program.enter_at_line(line)?;
     let with_motion = with_motion.into_iter().map(Action::Output);
-    Ok(set_up.into_iter().chain(approach).chain(with_motion).collect())
+    Ok(set_up
+        .into_iter()
+        .chain(approach)
+        .chain(with_motion)
+        .collect())
 }
 
 /// One line an action of a line.

@@ -24,15 +24,15 @@ fn distance(a: Point, b: Point) -> f64 {
 
 /// Of a point from a stretch.
 fn apart(point: Point, [a, b]: [Point; 2]) -> f64 {
-    let way = [b[0] - a[0], b[1] - a[1]];
-    let square = way[0] * way[0] + way[1] * way[1];
-    let along = (point[0] - a[0]) * way[0] + (point[1] - a[1]) * way[1];
+    let side = [b[0] - a[0], b[1] - a[1]];
+    let square = side[0] * side[0] + side[1] * side[1];
+    let along = (point[0] - a[0]) * side[0] + (point[1] - a[1]) * side[1];
     let part = if square > 0.0 {
         (along / square).clamp(0.0, 1.0)
     } else {
         0.0
     };
-    distance(point, [a[0] + part * way[0], a[1] + part * way[1]])
+    distance(point, [a[0] + part * side[0], a[1] + part * side[1]])
 }
 
 /// A contour in short segments, a line of the program each, from the line [`FIRST`] on.
@@ -97,6 +97,14 @@ struct Cut {
 impl Cut {
     fn length(&self) -> f64 {
         self.stretches.iter().map(|[a, b]| distance(*a, *b)).sum()
+    }
+
+    /// How far a point is from what was cut.
+    fn left_at(&self, point: Point) -> f64 {
+        let stretches = self.stretches.iter();
+        stretches
+            .map(|it| apart(point, *it))
+            .fold(f64::INFINITY, f64::min)
     }
 }
 
@@ -164,10 +172,7 @@ fn assert_nothing_uncut(contour: &Contour, stop: usize, tolerance: f64) {
         for k in 0..=parts as u32 {
             let part = f64::from(k) / parts;
             let point = [0, 1].map(|i| pair[0][i] + part * (pair[1][i] - pair[0][i]));
-            let stretches = done.stretches.iter();
-            let left = stretches
-                .map(|it| apart(point, *it))
-                .fold(f64::INFINITY, f64::min);
+            let left = done.left_at(point);
             assert!(
                 left <= tolerance,
                 "{left} mm at {point:?}: stopped in row {stop}, begun again at line {line}\n{}",
@@ -333,6 +338,13 @@ proptest! {
         let before = cut(&machine, &file, &program, None, row);
         prop_assert_eq!(before.line, line);
         let behind = cut(&machine, &file, &program, Some(line), usize::MAX);
+        let ends = before.stretches.last().map(|it| it[1]);
+        let begins = behind.stretches.first().map(|it| it[0]);
+        prop_assert!(ends.zip(begins).is_none_or(|(a, b)| distance(a, b) < 0.002), "{ends:?} {begins:?}");
+        for [_, point] in &whole.stretches {
+            let left = before.left_at(*point).min(behind.left_at(*point));
+            prop_assert!(left < 0.002, "{left} mm at {point:?} by line {line}: {blocks:?}");
+        }
         let cut = before.length() + behind.length();
         prop_assert!((cut - whole.length()).abs() < 0.01, "{cut} mm of {} by line {line}: {blocks:?}", whole.length());
     }
