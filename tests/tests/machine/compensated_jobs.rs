@@ -158,9 +158,9 @@ fn out_of_step(compensated: bool) -> f64 {
         table.trim()
     );
     let end = 40.0 - thread.length();
-    // Of two passes the second one begins behind a way back.
+    // A thread, and the passes of a cycle, which begin behind a way back.
     let program = format!(
-        "G21 G90 G61\nM3 S600\nG0 X5 Z40\nG33 Z{end:.6} K1.5\nG0 X8\nZ40\nX5\nG33 Z{end:.6} K1.5\nM5\nM2\n"
+        "G21 G90 G61 G18\nM3 S600\nG0 X5 Z40\nG33 Z{end:.6} K1.5\nG0 X8\nZ40\nG76 P1.5 Z{end:.6} I-1 J0.3 K0.6 H1\nM5\nM2\n"
     );
     let mut rig = Rig::new("drill", &[(limits, &axis)], &program, |_, _| ());
     rig.goes_on = false;
@@ -190,12 +190,12 @@ fn out_of_step(compensated: bool) -> f64 {
         samples += 1;
     }
     assert_eq!(rig.end(), Some(End::Finished), "{:?}", rig.events);
-    assert!(samples > 400, "{samples}");
+    assert!(samples > 1200, "{samples}");
     rig.trace().assert_within_limits();
     worst
 }
 
-/// A thread is cut by the load, at the lead of the spindle and not of the screw, and its second pass meets the first.
+/// A thread is cut by the load, at the lead of the spindle and not of the screw, and every pass meets the first.
 #[test]
 fn a_threads_load_is_in_step() {
     let (open, closed) = (out_of_step(false), out_of_step(true));
