@@ -244,6 +244,8 @@ pub struct Controller<const N: usize> {
     cycle: u64,
     setpoint_is_next: bool,
     sync_on: bool,
+    /// NMT commands were sent, so that its nodes are this controller's to take out of Operational again.
+    commands_nodes: bool,
     /// SYNCs sent.
     syncs: u64,
     /// When the running cycle's SYNC left.
@@ -368,6 +370,7 @@ impl<const N: usize> Controller<N> {
             cycle: 0,
             setpoint_is_next: false,
             sync_on: false,
+            commands_nodes: false,
             syncs: 0,
             sync_sent: None,
             heartbeat_due: start,

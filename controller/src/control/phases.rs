@@ -11,6 +11,7 @@ use super::{
 };
 use crate::bus::Outbox;
 use crate::machine::InputMeaning;
+use std::mem::take;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Transmit, nmt};
 use syncline_drives::model::PowerCommand;
@@ -199,6 +200,7 @@ impl<const N: usize> Controller<N> {
             Phase::Survey => self.ask(DeviceNode::ask_survey),
             Phase::Boot => {
                 self.ask(DeviceNode::ask_boot);
+                self.commands_nodes = true;
                 self.send_nmt(nmt::Command::ResetCommunication, out);
             }
             Phase::SetUp => self.ask(DeviceNode::ask_set_up),
@@ -281,7 +283,12 @@ impl<const N: usize> Controller<N> {
                 self.keep_references();
                 self.ask_release();
             }
-            Phase::PreOperational => self.send_nmt(nmt::Command::EnterPreOperational, out),
+            // Nodes that were only looked at may be another controller's.
+            Phase::PreOperational => {
+                if take(&mut self.commands_nodes) {
+                    self.send_nmt(nmt::Command::EnterPreOperational, out);
+                }
+            }
             Phase::Done => self.sync_on = false,
         }
     }

@@ -5,7 +5,7 @@ use super::day::{go, settle, state};
 use super::{described, losses, stepper, velocity};
 use proptest::prelude::*;
 use syncline_canopen::time::Duration;
-use syncline_canopen::{CobId, nmt};
+use syncline_canopen::{CobId, Frame, nmt};
 use syncline_controller::control::fault::{AxisCause, BusCause};
 use syncline_controller::control::{End, Fault, State};
 use syncline_controller::port::Port;
@@ -228,6 +228,26 @@ proptest! {
         let skewed = |fault: &Fault| matches!(fault, Fault::Axis(_, AxisCause::Skew { .. }));
         let is_askew = device.is_some_and(|it| it < 2) && rig.session.faults().iter().any(skewed);
         prop_assert!(state(&rig) == State::Ready || is_askew, "{:?}", rig.session.faults());
+    }
+}
+
+/// A controller that is started beside another one hears that before it has commanded a node, and takes none from it.
+#[test]
+fn a_controller_that_hears_another_one_at_first_leaves_its_nodes_alone() {
+    for wake_ups in [1, 2, 5, 40, 5000] {
+        let mut rig = Rig::portal("G0 X10\nM2\n");
+        for _ in 0..wake_ups {
+            if rig.sent(CobId::NMT).is_empty() {
+                rig.step();
+            }
+        }
+        let owns = !rig.sent(CobId::NMT).is_empty();
+        assert_eq!(owns, wake_ups == 5000, "{wake_ups}: {:?}", rig.phases);
+        rig.intrude(0, Frame::new(CobId::SYNC, &[]));
+        let fault = rig.finish_with_fault();
+        assert_eq!(fault, Fault::Bus(0, BusCause::SecondSync));
+        let last = rig.sent(CobId::NMT).pop().map(|it| it.frame.data()[0]);
+        assert_eq!(last, owns.then_some(0x80), "{wake_ups}");
     }
 }
 

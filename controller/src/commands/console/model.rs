@@ -58,7 +58,10 @@ impl Model {
 
     /// Takes how things are now.
     pub(super) fn take(&mut self, status: Status) {
-        self.speed = actual_speed(&self.status, &status).unwrap_or(self.speed);
+        // Positions are told no more once the machine has come to rest without power.
+        let is_off = matches!(status.state, State::Faulted | State::Disabled | State::Off);
+        let before = if is_off { 0.0 } else { self.speed };
+        self.speed = actual_speed(&self.status, &status).unwrap_or(before);
         let works = matches!(status.state, State::Running | State::Mdi | State::Held);
         // A file may have been changed since the last job.
         let begins = works && self.began.is_none();
