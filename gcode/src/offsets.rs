@@ -11,6 +11,7 @@ use super::execute::{Compensated, State, missing};
 use super::lexer::Columns;
 use super::modal::{Code, Group};
 use super::motion::RADIUS_LIMIT;
+use super::tables::MOST_TOOLS;
 use super::words::{Words, out_of_range};
 
 /// What is measured is known to this part of a mm or degree.
@@ -39,7 +40,7 @@ impl State {
         match code {
             Code::G(430 | 432) => {
                 let allowed = "the number of a tool";
-                let number = match words.take_whole(b'H', code, 0..=99_999, allowed)? {
+                let number = match words.take_whole(b'H', code, 0..=MOST_TOOLS, allowed)? {
                     None | Some(0) => self.modes.tool,
                     Some(number) => number,
                 };
@@ -181,7 +182,7 @@ impl State {
             }
             1 | 10 | 11 => {
                 let allowed = "the number of a tool from 1 to 99999";
-                let Some(number) = words.take_whole(b'P', code, 1..=99_999, allowed)? else {
+                let Some(number) = words.take_whole(b'P', code, 1..=MOST_TOOLS, allowed)? else {
                     return Err(missing(words, Group::Offsets, code, allowed));
                 };
                 let mut tool = self

@@ -14,6 +14,7 @@ use super::execute::{DWELL_LIMIT, State, missing};
 use super::lexer::Columns;
 use super::modal::{Code, Group, surface_unit};
 use super::parameters::InputResult;
+use super::tables::MOST_TOOLS;
 use super::words::{Words, out_of_range, whole};
 
 /// The greatest S under G96.
@@ -27,7 +28,7 @@ impl State {
         commands: &mut VecDeque<Action>,
     ) -> Result<(), Refusal> {
         if let Some(tool) = words.take_free(b'T') {
-            let Some(tool) = whole(tool, 1e-4).filter(|tool| *tool <= 99_999) else {
+            let Some(tool) = whole(tool, 1e-4).filter(|tool| *tool <= MOST_TOOLS) else {
                 let fault = out_of_range('T', tool, "a whole number from 0 to 99999");
                 return Err(words.refuse(b'T', fault));
             };
@@ -37,7 +38,7 @@ impl State {
         match words.code(Group::ToolChange) {
             Some(code @ Code::M(61)) => {
                 let allowed = "the number of the tool that is in the spindle";
-                let Some(tool) = words.take_whole(b'Q', code, 0..=99_999, allowed)? else {
+                let Some(tool) = words.take_whole(b'Q', code, 0..=MOST_TOOLS, allowed)? else {
                     let what = "Q, the tool in the spindle";
                     return Err(missing(words, Group::ToolChange, code, what));
                 };

@@ -32,6 +32,9 @@ use super::axes::{AxisLetter, COORDINATE_LIMIT, Point};
 use super::coordinates::{ROTATION_LIMIT, WorkCoordinates, sum};
 use syncline_strict_toml::{Invalid, Log, Table};
 
+/// The greatest number of a tool.
+pub(crate) const MOST_TOOLS: u32 = 99_999;
+
 /// The names of the work offsets, in the order of their numbers 1 to 9.
 const WORK_OFFSETS: [&str; 9] = [
     "G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3",
@@ -192,7 +195,8 @@ impl Tables {
             table.finish(log);
         }
         for mut table in tools {
-            let number = table.integer(log, "number", 0..=u32::MAX.into(), "");
+            let number =
+                table.integer(log, "number", 1..=MOST_TOOLS.into(), " (T, H and G10 L1 P)");
             let tool = Tool {
                 name: table.text_or(log, "name", "", "a text", |_| true),
                 diameter: length(log, &mut table, "diameter"),

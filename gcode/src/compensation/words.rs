@@ -5,6 +5,7 @@ use super::super::error::{Fault, Refusal};
 use super::super::execute::{Compensated, State, missing};
 use super::super::modal::{Code, FeedMode, Group};
 use super::super::motion::RADIUS_LIMIT;
+use super::super::tables::MOST_TOOLS;
 use super::super::words::{Words, out_of_range};
 use super::Cutter;
 
@@ -117,7 +118,7 @@ impl State {
     /// The diameter of tool D, with its wear; D0 has none, and no D is the tool in the spindle.
     fn diameter_by_number(&self, words: &mut Words, code: Code) -> Result<f64, Refusal> {
         let allowed = "the number of a tool; its radius is in the tool table";
-        let number = match words.take_whole(b'D', code, 0..=99_999, allowed)? {
+        let number = match words.take_whole(b'D', code, 0..=MOST_TOOLS, allowed)? {
             Some(0) => return Ok(0.0),
             Some(number) => number,
             None => self.modes.tool,
