@@ -387,21 +387,18 @@ impl<const N: usize> Cycle<N> {
         (late, instant)
     }
 
-    /// Since an instant of the controller's clock.
-    fn since(&self, instant: Instant) -> Duration {
-        realtime::now().saturating_since(instant + Duration::from_nanos(self.ahead))
-    }
-
     fn sync(&mut self, record: &mut Record) -> Result<Instant, PortError> {
         let due = self
             .driver
             .controller
             .next_wake()
             .map_or(Instant::ZERO, Wake::at);
+        // A late wake-up delays simulated buses, and is none the less late for that.
+        let due_here = due + Duration::from_nanos(self.ahead);
         let (late, now) = self.sleep_until(due);
         record.late += u64::from(late > self.options.shape.period / LATE_SHARE);
         self.driver.step(now)?;
-        let sent = self.since(due);
+        let sent = realtime::now().saturating_since(due_here);
         let at = realtime::now();
         record.sync_wake.record(late, at);
         record.sync_sent.record(sent, at);
@@ -419,6 +416,7 @@ impl<const N: usize> Cycle<N> {
             .controller
             .next_wake()
             .map_or(Instant::ZERO, Wake::at);
+        let next_sync = sync_at + self.options.shape.period + Duration::from_nanos(self.ahead);
         let (late, now) = self.sleep_until(due);
         record.late += u64::from(late > self.options.shape.period / LATE_SHARE);
         let woken = realtime::now();
@@ -456,8 +454,6 @@ impl<const N: usize> Cycle<N> {
         if stages.total() > record.worst.total() {
             record.worst = stages;
         }
-        let next_sync = sync_at + self.options.shape.period;
-        let next_sync = next_sync + Duration::from_nanos(self.ahead);
         record
             .margin
             .record(next_sync.saturating_since(done), woken);
@@ -467,9 +463,10 @@ impl<const N: usize> Cycle<N> {
     /// Wakes between the setpoints and the next SYNC: what cyclictest measures. Then times a
     /// computation that needs no memory: what it takes beyond its median is the host's.
     fn bare(&mut self, sync_at: Instant, record: &mut Record) {
-        let passed = self.since(sync_at);
+        let sync_at = sync_at + Duration::from_nanos(self.ahead);
+        let passed = realtime::now().saturating_since(sync_at);
         let free = self.options.shape.period.saturating_sub(passed);
-        let due = sync_at + Duration::from_nanos(self.ahead) + passed + free / 2;
+        let due = sync_at + passed + free / 2;
         realtime::sleep_until(due, self.options.spin, || ());
         let late = realtime::now().saturating_since(due);
         record.bare.record(late, due);

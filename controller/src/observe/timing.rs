@@ -1,7 +1,7 @@
 //! How punctual a cycle was: distributions with what they can honestly say.
 //!
 //! Recording allocates nothing. A percentile is stated only where at least ten samples lie beyond
-//! it; the greatest value is kept with its instant, so that it can be looked up in a trace.
+//! it; the least and the greatest value are kept with their instants, so that they can be looked up in a trace.
 
 use hdrhistogram::Histogram;
 use serde_json::{Value, json};
@@ -23,6 +23,7 @@ const BEYOND: f64 = 10.0;
 pub struct Distribution {
     name: &'static str,
     histogram: Histogram<u64>,
+    least: Option<(Duration, Instant)>,
     greatest: Option<(Duration, Instant)>,
 }
 
@@ -40,6 +41,7 @@ impl Distribution {
         Self {
             name,
             histogram,
+            least: None,
             greatest: None,
         }
     }
@@ -53,6 +55,9 @@ impl Distribution {
     /// Takes a time that was measured at `at`.
     pub fn record(&mut self, time: Duration, at: Instant) {
         self.histogram.saturating_record(time.as_nanos() as u64);
+        if self.least.is_none_or(|(least, _)| time < least) {
+            self.least = Some((time, at));
+        }
         if self.greatest.is_none_or(|(greatest, _)| time > greatest) {
             self.greatest = Some((time, at));
         }
@@ -73,8 +78,8 @@ impl Distribution {
     /// The least and the greatest time, if there is one.
     #[must_use]
     pub fn extent(&self) -> Option<(Duration, Duration)> {
-        let (greatest, _) = self.greatest?;
-        Some((Duration::from_nanos(self.histogram.min()), greatest))
+        let ((least, _), (greatest, _)) = self.least.zip(self.greatest)?;
+        Some((least, greatest))
     }
 
     /// The times that were recorded, to the resolution, each with its count, ascending.
@@ -108,21 +113,19 @@ impl Distribution {
         Duration::from_nanos(self.histogram.mean() as u64)
     }
 
-    /// One line: count, percentiles, greatest with its time since `start`; times in µs.
+    /// One line: count, least with its time since `start`, percentiles, greatest with its time; times in µs.
     #[must_use]
     pub fn line(&self, start: Instant) -> String {
         let mut line = format!("{:<22}n={}", self.name, self.count());
+        let end = |name: &str, (time, at): (Duration, Instant)| {
+            let at = at.saturating_since(start).as_secs_f64();
+            format!("  {name} {} us at {at:.3} s", micros(time))
+        };
+        line.extend(self.least.map(|least| end("min", least)));
         for (percent, time) in self.percentiles() {
             let _ = write!(line, "  p{percent} {}", micros(time));
         }
-        if let Some((greatest, at)) = self.greatest {
-            let _ = write!(
-                line,
-                "  max {} us at {:.3} s",
-                micros(greatest),
-                at.saturating_since(start).as_secs_f64()
-            );
-        }
+        line.extend(self.greatest.map(|greatest| end("max", greatest)));
         line
     }
 
@@ -133,12 +136,16 @@ impl Distribution {
             .percentiles()
             .map(|(percent, time)| (format!("p{percent}"), json!(time.as_nanos() as f64 / 1e3)))
             .collect();
+        let time = |(time, _): (Duration, Instant)| time.as_nanos() as f64 / 1e3;
+        let at = |(_, at): (Duration, Instant)| at.saturating_since(start).as_secs_f64();
         json!({
             "count": self.count(),
             "mean_us": self.mean().as_nanos() as f64 / 1e3,
+            "min_us": self.least.map(time),
+            "min_at_s": self.least.map(at),
             "percentiles_us": percentiles,
-            "max_us": self.greatest.map(|(time, _)| time.as_nanos() as f64 / 1e3),
-            "max_at_s": self.greatest.map(|(_, at)| at.saturating_since(start).as_secs_f64()),
+            "max_us": self.greatest.map(time),
+            "max_at_s": self.greatest.map(at),
         })
     }
 
@@ -322,7 +329,7 @@ mod tests {
         let line = distribution.line(Instant::ZERO);
         assert_eq!(
             line,
-            "test                  n=1000  p50 0.500  p90 0.900  p99 0.990  max 1.000 us at 0.000 s"
+            "test                  n=1000  min 0.001 us at 0.000 s  p50 0.500  p90 0.900  p99 0.990  max 1.000 us at 0.000 s"
         );
         let json = distribution.json(Instant::ZERO);
         assert_eq!(json["percentiles_us"]["p99"], 0.99);

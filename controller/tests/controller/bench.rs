@@ -45,6 +45,10 @@ fn assert_bearable(name: &str, distribution: &Value) {
         number("max_at_s") >= 0.0 && number("max_us") >= number("mean_us") * 0.999,
         "{name}"
     );
+    assert!(
+        number("min_at_s") >= 0.0 && number("min_us") <= number("mean_us") * 1.001,
+        "{name}"
+    );
 }
 
 /// The same distributions in the JSON, in a table each, and in the report.
@@ -103,6 +107,18 @@ fn the_cycle_is_told_in_all_forms() {
         assert!(said.as_str().is_some_and(|text| !text.is_empty()));
     }
     assert!(!found["realtime"].as_array().unwrap().is_empty());
+}
+
+/// SYNC is handed over behind the wake-up for it, and what a wake-up for setpoints is late is no margin any more.
+#[test]
+fn a_late_wake_up_is_told_of_in_all_that_follows_it() {
+    let arguments = "cycle --axes 2 --period 1ms --duration 1s --load --json";
+    let found = json(&bench(arguments, None));
+    let micros = |name: &str, key: &str| found["distributions"][name][key].as_f64().unwrap();
+    let late = micros("wake-up for SYNC", "max_us");
+    assert!(micros("SYNC handed over", "max_us") >= late);
+    let left = (1000.0 - micros("wake-up for setpoints", "max_us")).max(0.0);
+    assert!(micros("setpoints before SYNC", "min_us") <= left);
 }
 
 /// A thread a processor, each at work for a hundredth of the time at the very least, and over with the
