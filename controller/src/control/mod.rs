@@ -188,6 +188,8 @@ pub struct Row<const N: usize> {
     pub rests_for: Option<u32>,
     /// Program line of the block that is served while the path dwells.
     pub dwells_for: Option<u32>,
+    /// A thread is cut, or begins: the axes are with the spindle, or wait for it.
+    pub threads: bool,
     /// What the job waits for, where nothing moves and no operator holds it.
     pub waiting: Option<Waiting>,
     /// How many cycles ago the axes were at the first of the samples that they go along.

@@ -178,6 +178,7 @@ impl<const N: usize> Controller<N> {
                 line => line,
             },
             dwells_for: self.executor.dwell().and_then(|dwell| dwell.block),
+            threads: self.threading.is_active(),
             waiting: None,
             along: self.along_samples.since(self.cycle),
         });

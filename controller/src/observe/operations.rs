@@ -25,7 +25,7 @@ pub struct Operation {
     pub time_s: f64,
     /// Motion, s.
     pub motion_s: f64,
-    /// What of that was at a programmed feed, not in rapid, s.
+    /// What of that was at a programmed feed or in a thread, not in rapid, s.
     pub feed_s: f64,
 }
 
@@ -36,11 +36,12 @@ pub struct ToolTime {
     pub tool: u32,
     /// Motion, s.
     pub motion_s: f64,
-    /// What of that was at a programmed feed, not in rapid, s.
+    /// What of that was at a programmed feed or in a thread, not in rapid, s.
     pub feed_s: f64,
 }
 
-/// The operations of a run so far, with their cycles of motion, and what of those was at a programmed feed.
+/// The operations of a run so far, with their cycles of motion, and what of those was at a programmed feed or
+/// in a thread.
 #[derive(Debug, Default)]
 pub(super) struct Operations {
     /// Tool and spindle at the last row.
@@ -76,7 +77,7 @@ impl Operations {
             self.all.push((begun, [0; 2]));
         }
         let feed = row.plan.feed;
-        let at_feed = feed > 0.0 && feed.is_finite();
+        let at_feed = row.threads || feed > 0.0 && feed.is_finite();
         let of_operation = self.all.last_mut().map(|(_, cycles)| cycles);
         let of_tool = self.tools.entry(tool).or_default();
         for cycles in of_operation.into_iter().chain([of_tool]) {

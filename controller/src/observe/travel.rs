@@ -25,7 +25,7 @@ pub(super) struct Travel {
 /// How many cycles went into what.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Cycles {
-    /// The path moved.
+    /// The path moved, or a thread was cut.
     pub(super) motion: u64,
     /// A dwell of the program.
     pub(super) dwells: u64,
@@ -44,15 +44,15 @@ pub(super) struct Cycles {
 impl Cycles {
     /// Takes the cycle before a row; whether the path moved at the one before, too.
     fn observe(&mut self, observed: &Observed, moved: bool) {
-        let plan = &observed.row.plan;
+        let (plan, threads) = (&observed.row.plan, observed.row.threads);
         let by_itself = observed.row.axes.iter().any(|axis| axis.by_itself);
-        let count = if plan.off_path && !by_itself {
+        let count = if plan.off_path && !by_itself && !threads {
             &mut self.jogs
         } else if plan.speed > 0.0 || moved || (by_itself && !plan.off_path) {
             &mut self.motion
         } else if observed.waits {
             &mut self.waits
-        } else if plan.busy {
+        } else if plan.busy && !threads {
             &mut self.dwells
         } else if observed.row.rests_for.is_some() {
             &mut self.awaits
@@ -71,6 +71,7 @@ struct Last {
     distance: f64,
     speed: f64,
     position: Position,
+    threads: bool,
     /// What of the distance was length then, and what angle.
     shares: [f64; 2],
 }
@@ -96,6 +97,13 @@ impl Travel {
     /// Adds up the path. The plan's own distance also counts what other axes move.
     fn measure(&mut self, observed: &Observed, (speed, turns): (f64, bool)) {
         let row = observed.row;
+        let (at, from) = (row.plan.position, self.last.position);
+        let step = || moved(&std::array::from_fn(|i| at[i] - from[i]));
+        if row.threads || self.last.threads {
+            // Of a thread, its last step included, the plan counts nothing.
+            let [tool, ..] = step();
+            self.besides -= tool;
+        }
         let Last {
             mut distance,
             position,
@@ -125,8 +133,7 @@ impl Travel {
         let [mut length, mut angle] = shares.map(|share| share * distance);
         if (shares[1] > 0.0) != (before[1] > 0.0) && distance != 0.0 {
             // The end of one and the beginning of the other, with a rest between.
-            let at = row.plan.position;
-            let [tool, other, turn] = moved(&std::array::from_fn(|i| at[i] - position[i]));
+            let [tool, other, turn] = step();
             length = if tool > 0.0 { tool } else { other };
             angle = turn;
         }
@@ -136,7 +143,8 @@ impl Travel {
         self.last = Last {
             distance: row.plan.distance,
             speed: row.plan.speed,
-            position: row.plan.position,
+            position: at,
+            threads: row.threads,
             shares,
         };
     }

@@ -5,8 +5,12 @@ use syncline_tests::command::{Folder, ended, machine_with, syncline};
 
 /// Validated on the xyz machine: JSON and what people read.
 fn validated(program: &str) -> (Value, String) {
+    validated_on("xyz", program)
+}
+
+fn validated_on(machine: &str, program: &str) -> (Value, String) {
     let folder = Folder::new();
-    let machine = folder.file("xyz.toml", &machine_with("xyz", &[]));
+    let machine = folder.file("machine.toml", &machine_with(machine, &[]));
     let program = folder.file("program.ngc", program);
     let json = folder.path("result.json");
     let mut command = syncline();
@@ -85,4 +89,35 @@ fn each_tool_has_the_time_of_its_moves() {
         told.contains("operation          line 5: tool 1, spindle 1000 1/min"),
         "{told}"
     );
+}
+
+/// A thread is motion at a feed with the spindle that cuts it, as long as the program has it, and a tap goes there and back.
+#[test]
+fn threads_are_motion_of_their_operations() {
+    let (json, told) = validated_on(
+        "drill",
+        "G61\nM3 S600\nG0 Z3\nG33 Z-22 K1.5\nM4 S300\nG33 Z3 K2\nM3 S600\nG33.1 Z-20 K1.5\nM5\nM2\n",
+    );
+    let operations = json["operations"].as_array().unwrap();
+    let spindles = operations.iter().map(|it| it["spindle"].as_f64().unwrap());
+    assert!(spindles.eq([600.0, -300.0, 600.0]), "{json:#}");
+    // Longer than at the full speed of the spindle, by the ramp and the last stop.
+    for (operation, in_step) in [(0, 25.0 / 15.0), (1, 25.0 / 10.0), (2, 46.0 / 15.0)] {
+        let feed = number(&json, &format!("/operations/{operation}/feed_s"));
+        assert!(
+            (in_step..1.5 * in_step).contains(&feed),
+            "{operation}: {feed}: {json:#}"
+        );
+    }
+    let sum: f64 = operations
+        .iter()
+        .map(|it| it["motion_s"].as_f64().unwrap())
+        .sum();
+    assert!(
+        (sum - number(&json, "/times/motion_s")).abs() < 1e-9,
+        "{json:#}"
+    );
+    assert_eq!(number(&json, "/times/jogging_s"), 0.0, "{json:#}");
+    let length = number(&json, "/path/length_mm");
+    assert!((length - (3.0 + 25.0 + 25.0 + 46.0)).abs() < 0.1, "{told}");
 }

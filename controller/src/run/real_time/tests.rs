@@ -140,6 +140,7 @@ fn rows_leave_room_for_what_the_session_has_to_know() {
         measured: Default::default(),
         rests_for: None,
         dwells_for: None,
+        threads: false,
         waiting: None,
         along: None,
     };
