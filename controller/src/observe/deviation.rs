@@ -138,13 +138,21 @@ impl Deviation {
         (self.trail).push(row.cycle, position, plan.velocity, at_tool);
         let reach = self.trail.reach() + CORNER * deviation;
         let nowhere = (f64::INFINITY, *at_tool);
-        let (tool, place) = foot.map_or(nowhere, |foot| {
-            from_stretch(observed.moves, &foot, reach, at_tool).unwrap_or(nowhere)
+        let (tool, place) = foot.as_ref().map_or(nowhere, |foot| {
+            from_stretch(observed.moves, foot, [reach, reach], at_tool).unwrap_or(nowhere)
         });
         let at = Place { time, line: *line };
         self.setpoint.look(deviation, at);
         self.tool.look(tool, at);
-        self.drives.look(self.trail.distance(actual), at);
+        let mut off = self.trail.distance(actual);
+        // Axes that lead are where no setpoint has been yet: there the setpoints' path is the program's.
+        if off > self.drives.value
+            && let Some(foot) = &foot
+            && let Some((ahead, _)) = from_stretch(observed.moves, foot, [0.0, reach], actual)
+        {
+            off = off.min(ahead);
+        }
+        self.drives.look(off, at);
         let allowed = motion.tolerance;
         (self.watch).look(violations, at, deviation, allowed, |_| {
             violation("path_deviation", at, deviation, allowed)
@@ -245,17 +253,17 @@ fn nearest(observed: &Observed, point: &Position) -> Option<Foot> {
     nearest
 }
 
-/// The place of the program's moves up to `reach` on either side of a foot that is nearest to a point, with how far that is, mm:
-/// what crosses there from elsewhere does not count.
+/// The place of the program's moves, up to so many mm back from a foot and so many on from it, that is nearest to a point, with
+/// how far that is, mm: what crosses there from elsewhere does not count.
 fn from_stretch(
     moves: &Moves,
     from: &Foot,
-    reach: f64,
+    [back, on]: [f64; 2],
     point: &Position,
 ) -> Option<(f64, Position)> {
     let curve = moves.motion(from.tag)?.curve();
     let length = curve.length();
-    let (before, behind) = (from.along - reach, from.along + reach);
+    let (before, behind) = (from.along - back, from.along + on);
     let (mut nearest, s) = foot(&curve, point, &(before.max(0.0)..behind.min(length)));
     let mut place = curve.at(s).q;
     let mut look = |curve: &Curve<COORDINATES>, range: Range<f64>| {

@@ -1,5 +1,6 @@
 //! The numbers of a validation, the tolerances that make verdicts of them, and which cause comes first.
 
+use proptest::prelude::*;
 use serde_json::Value;
 use syncline_tests::command::{Folder, ended, machine_with, syncline};
 
@@ -618,4 +619,30 @@ fn drives_share_a_dc_bus() {
     };
     let both = energy(&shared, 0) + energy(&shared, 1);
     assert!((both / energy(&own, 0) - 1.0).abs() < 0.03, "{both}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(12) })]
+
+    /// Where nothing is rounded and nothing gives way, all of the contour error is the drives', also where these lead.
+    #[test]
+    fn the_drives_part_is_no_more_than_the_whole(
+        moves in prop::collection::vec(
+            (prop::sample::select(vec!["G0", "G1 F9000"]), prop::array::uniform3(prop::option::of(-9..10_i32))),
+            1..6,
+        ),
+    ) {
+        let mut program = "G61.1\n".to_owned();
+        for (code, to) in moves {
+            let words = (["X", "Y", "Z"].iter().zip(to)).filter_map(|(axis, to)| Some(format!(" {axis}{}", to?)));
+            let words: String = words.collect();
+            if !words.is_empty() {
+                program += &format!("{code}{words}\n");
+            }
+        }
+        // Coarse drives lead more.
+        let found = validated("", &[("pitch = 5.0", "pitch = 20.0")], &(program + "M2\n"));
+        let [whole, drives] = ["contour_error", "drive_deviation"].map(|of| number(&found, &format!("/path/max_{of}_mm")));
+        prop_assert!(drives <= whole + 1e-9, "{drives} of {whole}");
+    }
 }
