@@ -77,6 +77,7 @@ use operations::Operations;
 use places::{Places, Seen};
 use record::{Place, Report, Violation};
 use sent::SentSetpoints;
+use std::fmt;
 use std::io;
 use std::ops::RangeInclusive;
 use std::time::Duration;
@@ -124,6 +125,8 @@ pub struct Observers {
     extent: Option<Extent>,
     time_bounds: Option<TimeBounds>,
     fault: Option<Place>,
+    /// Why the program could not go on, in a line.
+    problem: Option<String>,
     late_setpoint: Option<Place>,
     travel: Travel,
     deviation: Deviation,
@@ -165,6 +168,7 @@ impl Observers {
             extent: None,
             time_bounds: None,
             fault: None,
+            problem: None,
             late_setpoint: None,
             travel: Travel::default(),
             deviation: Deviation::new(machine),
@@ -221,10 +225,10 @@ impl Observers {
 
     /// Takes what the controller tells, before the row of the same cycle.
     pub fn tell(&mut self, event: &Event) {
-        let now = Place {
-            time: self.seconds(self.next),
-            line: self.line,
-        };
+        let time = self.seconds(self.next);
+        // Of a sample that was never at an axis there is no row.
+        let line = self.sample_at(time).unwrap_or(self.line);
+        let now = Place { time, line };
         match event {
             Event::Fault(_) => {
                 self.fault.get_or_insert(now);
@@ -245,14 +249,21 @@ impl Observers {
         }
     }
 
+    /// Takes what went wrong beside the machine: the first is what ends a program that cannot go on.
+    pub fn problem(&mut self, error: &dyn fmt::Display) {
+        let told = error.to_string();
+        let first = told.lines().next().unwrap_or_default();
+        self.problem.get_or_insert_with(|| first.to_owned());
+    }
+
     /// Takes what is seen at one SYNC; returns its time, s.
     pub fn observe(&mut self, observed: &Observed) -> f64 {
         let Observed { row, .. } = *observed;
         let (cycle, line) = match (self.samples, row.along) {
             (None, _) => (row.cycle, observed.line),
-            (Some(step), Some(cycle)) => {
-                let sample = self.seconds(cycle) / step;
-                (cycle, 1 + (sample + WHOLE) as u32)
+            (Some(_), Some(cycle)) => {
+                let sample = self.sample_at(self.seconds(cycle));
+                (cycle, sample.unwrap_or_default())
             }
             (Some(_), None) => return 0.0,
         };
@@ -345,6 +356,12 @@ impl Observers {
         self.travel.length_mm + self.travel.turned_deg
     }
 
+    /// The number of the sample at so many seconds, from 1, where what runs is known by samples alone.
+    fn sample_at(&self, seconds: f64) -> Option<u32> {
+        let step = self.samples?;
+        Some(1 + (seconds / step + WHOLE) as u32)
+    }
+
     /// The nearest number of seconds to so many cycles.
     fn seconds(&self, cycles: u64) -> f64 {
         seconds(self.cycle, cycles)
@@ -430,8 +447,10 @@ impl Observers {
             let turned = extent.turned - self.travel.turned_deg;
             [length, turned].map(|left| left.max(0.0))
         });
+        // Along samples the rows go on behind the one that was refused.
+        let refused = self.fault.filter(|_| self.samples.is_some());
         Stopped {
-            line: self.line,
+            line: refused.map_or(self.line, |it| it.line),
             axis: blamed.map(Axis::name),
             sample_refused: matches!(
                 end,
@@ -480,8 +499,13 @@ impl Observers {
         let (worst_places, slowest_places) = std::mem::take(&mut self.places).result();
         let summary = Summary {
             verdict,
-            outcome: (controller.end())
-                .map_or_else(|| "not ended".to_owned(), |end| end.describe(layout)),
+            outcome: match (controller.end(), self.problem.take()) {
+                (Some(End::Fault(Fault::Program)), Some(problem)) => {
+                    format!("stopped: the program could not go on: {problem}")
+                }
+                (Some(end), _) => end.describe(layout),
+                (None, _) => "not ended".to_owned(),
+            },
             stopped: (!finished).then(|| self.stopped(machine, controller.end())),
             duration_s: (self.travel.motion)
                 .map_or(0.0, |(first, last)| self.seconds(last - first)),

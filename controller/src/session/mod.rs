@@ -530,6 +530,7 @@ impl Desk {
     }
 
     fn problem(&mut self, error: RunError) {
+        self.observers.problem(&error);
         self.outlets.tell(Event::Problem(Arc::new(error)));
     }
 

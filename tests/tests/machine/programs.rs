@@ -31,6 +31,11 @@ fn a_bad_block_in_a_stream_stops_the_machine_where_it_stands_in_the_program() {
         printed.contains("VIOLATION          fault: the program"),
         "{printed}"
     );
+    let outcome = printed.lines().find(|line| line.starts_with("outcome"));
+    assert!(
+        outcome.is_some_and(|line| line.contains("stream.ngc:5:11: ")),
+        "{printed}"
+    );
     let trace = Trace::read(&example("portal"), &folder.read("trace.csv"));
     trace.assert_within_limits();
     for (axis, end) in [("X", 200.0), ("Y", 100.0), ("Z", 0.0)] {

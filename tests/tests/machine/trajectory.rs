@@ -481,6 +481,17 @@ fn digits_that_do_not_decide_are_no_fault_of_the_machine() {
     assert!(refused > 0);
 }
 
+/// The fault and where the run stopped are told at one sample, whose number, from 1, and time belong together.
+fn assert_refused_at_its_sample(response: &Value, step: f64) {
+    let violations = response["violations"].as_array().unwrap();
+    let mut faults = violations.iter();
+    let fault = faults.find(|it| it["what"].as_str().unwrap().starts_with("fault: "));
+    let fault = fault.unwrap_or_else(|| panic!("{response:#}"));
+    let sample = 1.0 + (number(fault, "time_s") / step).round();
+    assert_eq!(number(fault, "line"), sample, "{response:#}");
+    assert_eq!(number(&response["stopped"], "line"), sample, "{response:#}");
+}
+
 /// Samples beyond a limit are not sent: the machine stops, and says whose fault it is. Where they begin beyond a soft limit
 /// it cannot go there.
 #[test]
@@ -498,6 +509,13 @@ fn what_is_beyond_a_limit_is_not_sent() {
         outcome.contains("the trajectory asks for more than the axis may do"),
         "{outcome}"
     );
+    assert_refused_at_its_sample(&json["response"], 0.001);
+
+    // The first of them comes to no axis.
+    let rows: Vec<_> = (0..9).map(|row| [0.0, f64::from(row % 2)]).collect();
+    let jerks = side.motion("jerks.csv", 0.004, &rows);
+    let (_, json, _) = side.judge(&jerks, &[]);
+    assert_refused_at_its_sample(&json["response"], 0.004);
 
     let outside = side.motion("outside.csv", 0.001, &[[0.0, 300.0], [0.0, 300.0]]);
     let (code, json, errors) = side.judge(&outside, &[]);
