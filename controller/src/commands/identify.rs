@@ -115,6 +115,12 @@ enum Unfit {
         "--report: axis {0} is sent velocities and tells no torque that it could be shown to answer: leave --report out"
     )]
     NoResponse(String),
+    /// It has no values for the machine file.
+    #[error(
+        "--update: axis {0} has no `motor` in its [axis.simulation], behind which the values of that table are found: name it there, \
+         or leave --update out"
+    )]
+    NoMotor(String),
     /// What would be updated is in another file.
     #[error(
         "--update: what is found belongs into the file that describes {0}: leave --update out, and write there what is told"
@@ -143,7 +149,12 @@ impl Args {
         self.ports.apply(&mut machine)?;
         let subject = Subject::of(&mut machine, &self.axis, self.rated_torque)?;
         let beside = match subject {
-            Subject::Moved(_) => Beside::Torque,
+            Subject::Moved(ref moved) => {
+                if self.update && !moved.names_motor() {
+                    return Err(Unfit::NoMotor(self.axis.clone()).into());
+                }
+                Beside::Torque
+            }
             Subject::Streamed(streamed) => {
                 if self.report.is_some() {
                     return Err(Unfit::NoResponse(self.axis.clone()).into());

@@ -205,6 +205,12 @@ impl Moved {
         })
     }
 
+    /// Whether its motor is known, and so what an axis has behind that.
+    #[must_use]
+    pub fn names_motor(&self) -> bool {
+        self.motor.is_some()
+    }
+
     /// What a simulated axis has behind a motor that is known.
     fn keys(&self, estimate: &Estimate, motor: &Known) -> Vec<Key> {
         let travel = self.travel;
@@ -346,9 +352,21 @@ impl Identified {
     /// What [`Machine::load_with`] takes to have a simulated axis like this one, key by key.
     pub fn settings(&self) -> impl Iterator<Item = String> {
         let keys = self.simulation.iter();
-        keys.map(|Key { key, figure }| {
-            format!("axis.{}.simulation.{key}={}", self.axis, rounded(figure))
+        keys.filter_map(|key| {
+            let value = key.value()?;
+            Some(format!("axis.{}.simulation.{}={value}", self.axis, key.key))
         })
+    }
+}
+
+impl Key {
+    /// As the file has it: what may as well be nothing is nothing, or is left as it is where a key is above 0.
+    fn value(&self) -> Option<String> {
+        let Self { key, figure } = self;
+        if figure.value.abs() > figure.uncertainty {
+            return Some(rounded(figure));
+        }
+        (!matches!(*key, "load" | "stiffness" | "damping")).then(|| "0.0".to_owned())
     }
 }
 
@@ -456,8 +474,11 @@ impl fmt::Display for Identified {
             row(f, key, figure, unit)?;
         }
         writeln!(f, "\n[axis.simulation]  # of axis {}", self.axis)?;
-        let mut keys = self.simulation.iter();
-        keys.try_for_each(|Key { key, figure }| writeln!(f, "{key} = {}", rounded(figure)))?;
+        for key in &self.simulation {
+            if let Some(value) = key.value() {
+                writeln!(f, "{} = {value}", key.key)?;
+            }
+        }
         match &self.gains {
             Some(gains) => self.tell_gains(gains, f),
             None => writeln!(f, "\nno gains keep this axis from swinging"),
@@ -572,6 +593,20 @@ const UNCERTAIN: f64 = 0.1;
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Nothing is written that the log does not tell from nothing.
+    #[test]
+    fn what_may_as_well_be_nothing_is_written_as_nothing() {
+        let value = |key, value, uncertainty| {
+            let figure = Figure { value, uncertainty };
+            Key { key, figure }.value()
+        };
+        assert_eq!(value("gravity", -0.002, 0.0115).as_deref(), Some("0.0"));
+        assert_eq!(value("gravity", -2.0, 0.01).as_deref(), Some("-2.000"));
+        assert_eq!(value("motor_friction", 0.0, 0.1).as_deref(), Some("0.0"));
+        assert_eq!(value("load", 0.5, 0.6), None);
+        assert_eq!(value("load", 0.5, 0.4).as_deref(), Some("0.50"));
+    }
 
     /// An uncertainty is no part of 0.
     #[test]

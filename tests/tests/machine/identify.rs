@@ -537,6 +537,11 @@ fn what_cannot_be_identified_is_refused_by_name() {
              torques, or give --rated-torque",
         ),
         (
+            &nameless,
+            &["--axis", "Y", "--rated-torque", "1.4", "--update"],
+            "--update: axis Y has no `motor` in its [axis.simulation]",
+        ),
+        (
             &one,
             &["--axis", "Y", "--travel", "-1", "1e6"],
             "soft limits",
