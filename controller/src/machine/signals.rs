@@ -191,6 +191,13 @@ pub(super) struct Signals {
     pub(super) analog_outputs: Vec<AnalogOutput>,
 }
 
+/// What a signal is.
+#[derive(Clone, Copy)]
+enum Kind {
+    Digital,
+    Analog,
+}
+
 /// A signal of a device by their names.
 struct Wire {
     title: String,
@@ -237,12 +244,14 @@ impl Wire {
         })
     }
 
-    /// Index of the device, and the place of the signal among those that its model has.
+    /// Index of the device, and the place of the signal among those that its model has; `others` are those of the other kind,
+    /// digital or analog.
     fn resolve(
         &self,
         log: &mut Log<'_>,
         wiring: Wiring<'_>,
         signals: fn(&Model) -> &'static [&'static str],
+        others: (fn(&Model) -> &'static [&'static str], Kind),
     ) -> Option<(usize, usize)> {
         let Wiring {
             drives,
@@ -262,7 +271,22 @@ impl Wire {
         let Node { name, model, .. } = devices[index];
         let known = signals(model).iter().copied();
         let place = known.clone().position(|name| name == self.signal.get_ref());
-        if place.is_none() {
+        let (others, of_kind) = others;
+        if place.is_none() && others(model).contains(&self.signal.get_ref().as_str()) {
+            let (is, help) = match of_kind {
+                Kind::Analog => (
+                    "analog, and `full_scale` is missing",
+                    "add `full_scale`, its value at the greatest that the device takes in or puts out",
+                ),
+                Kind::Digital => ("digital, and has no `full_scale`", "leave `full_scale` out"),
+            };
+            let signal = self.signal.get_ref();
+            let problem = format!(
+                "{}: signal \"{signal}\" of {kind} \"{name}\" ({}) is {is}",
+                self.title, model.title
+            );
+            log.report(self.signal.span(), problem, help);
+        } else if place.is_none() {
             let nearest = nearest(self.signal.get_ref(), known.clone());
             let problem = format!(
                 "{}: {kind} \"{name}\" ({}) has no such signal \"{}\"",
@@ -596,7 +620,12 @@ impl SignalTables {
                     safe,
                     switch,
                 } => {
-                    let place = wire.resolve(log, wiring, |model| model.outputs);
+                    let place = wire.resolve(
+                        log,
+                        wiring,
+                        |model| model.outputs,
+                        (|model| model.analog_outputs, Kind::Analog),
+                    );
                     let used = (signals.outputs.iter()).map(|it| (it.node, it.signal, &it.name));
                     if let Some((node, signal)) = once(log, &wire, place, used) {
                         signals.outputs.push(Output {
@@ -617,7 +646,12 @@ impl SignalTables {
                     if source == AnalogSource::SpindleSpeed {
                         check_speed(log, &wire, &full_scale, spindle);
                     }
-                    let place = wire.resolve(log, wiring, |model| model.analog_outputs);
+                    let place = wire.resolve(
+                        log,
+                        wiring,
+                        |model| model.analog_outputs,
+                        (|model| model.outputs, Kind::Digital),
+                    );
                     let used = signals.analog_outputs.iter();
                     let used = used.map(|it| (it.node, it.place, &it.name));
                     if let Some((node, place)) = once(log, &wire, place, used) {
@@ -713,7 +747,7 @@ fn join_inputs(log: &mut Log<'_>, tables: Vec<InputTable>, wiring: Wiring<'_>) -
             format!("allowed: {MOST_INPUTS} inputs"),
         );
     }
-    let mut inputs = Vec::new();
+    let mut inputs: Vec<Input> = Vec::new();
     for InputTable {
         wire,
         active_low,
@@ -723,7 +757,12 @@ fn join_inputs(log: &mut Log<'_>, tables: Vec<InputTable>, wiring: Wiring<'_>) -
     } in tables
     {
         // One whose signal is not there is told, and keeps its name, by which others know it.
-        let place = wire.resolve(log, wiring, |model| model.inputs);
+        let place = wire.resolve(
+            log,
+            wiring,
+            |model| model.inputs,
+            (|model| model.analog_inputs, Kind::Analog),
+        );
         let (node, signal) = place.unwrap_or_default();
         let mut io_nodes = wiring.io_nodes.iter();
         let by_event =
@@ -733,6 +772,19 @@ fn join_inputs(log: &mut Log<'_>, tables: Vec<InputTable>, wiring: Wiring<'_>) -
                 wire.device.span(),
                 format!("{}: a {edge} of an I/O node whose inputs come by event", wire.title),
                 "allowed: an I/O node with `inputs = \"sync\"`, so that the place of the edge is known",
+            );
+        }
+        let mut others = inputs.iter();
+        if let InputMeaning::Program(number) = meaning
+            && let Some(other) = others.find(|other| other.meaning == meaning)
+        {
+            log.report(
+                wire.name.span(),
+                format!(
+                    "{}: its `number`, {number}, is that of input \"{}\"",
+                    wire.title, other.name
+                ),
+                "allowed: each number of a digital input once",
             );
         }
         inputs.push(Input {

@@ -2023,7 +2023,18 @@ fn analog_inputs_are_read_and_their_mistakes_told() {
         ),
         (
             vec![input("force", "DI1", "full_scale = 5\nnumber = 1")],
-            "has no such signal \"DI1\"",
+            "signal \"DI1\" of io \"cabinet\" (CiA 401) is digital, and has no `full_scale`",
+        ),
+        (
+            vec![input("force", "AI1", "number = 1")],
+            "signal \"AI1\" of io \"cabinet\" (CiA 401) is analog, and `full_scale` is missing",
+        ),
+        (
+            vec![
+                input("force", "DI1", "number = 7"),
+                input("other", "DI2", "number = 7"),
+            ],
+            "input \"other\": its `number`, 7, is that of input \"force\"",
         ),
         (
             vec![
@@ -2131,7 +2142,12 @@ fn mistakes_of_io_nodes_are_told() {
         (
             "signal = \"AO0\"",
             "signal = \"DO7\"",
-            "has no such signal \"DO7\"",
+            "signal \"DO7\" of io \"cabinet\" (CiA 401) is digital",
+        ),
+        (
+            "signal = \"DO2\"",
+            "signal = \"AO1\"",
+            "signal \"AO1\" of io \"cabinet\" (CiA 401) is analog, and `full_scale` is missing",
         ),
         (
             "full_scale = 24_000 ",

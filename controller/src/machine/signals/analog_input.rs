@@ -1,6 +1,6 @@
 //! `[[input]]` with `full_scale`: an analog input of an I/O node.
 
-use super::{Wire, Wiring};
+use super::{Kind, Wire, Wiring};
 use std::ops::Range;
 use syncline_drives::twin::Course;
 use syncline_gcode::ANALOG_INPUTS;
@@ -97,7 +97,13 @@ pub(super) fn join(
         simulated,
     } in tables
     {
-        let Some((node, place)) = wire.resolve(log, wiring, |model| model.analog_inputs) else {
+        let place = wire.resolve(
+            log,
+            wiring,
+            |model| model.analog_inputs,
+            (|model| model.inputs, Kind::Digital),
+        );
+        let Some((node, place)) = place else {
             continue;
         };
         let mut twice = |span: Range<usize>, what: &str, other: &str, each: &str| {
