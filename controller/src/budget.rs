@@ -1,6 +1,7 @@
 //! Whether a machine's frames fit its cycle: each bus's budget, and when the setpoints leave.
 
 use crate::bus::BURST_CAPACITY;
+use crate::counted::counted;
 use crate::machine::{Machine, Node, POLL, STATE_POLL, Seat};
 use std::fmt;
 use std::ops::RangeInclusive;
@@ -44,7 +45,7 @@ pub struct BusBudget {
     /// Its devices that are asked by SDO while axes move, so that a frame more than the PDOs has to fit every
     /// cycle, and each has its turn often enough.
     pub polled: Vec<String>,
-    /// The least cycle that fits and that all its drives take.
+    /// The least cycle that fits and that all devices of the machine take.
     pub smallest_cycle: Option<Duration>,
     /// So many of those that are polled the cycle has room for beside the other devices, where not for all of them.
     pub most_polled: usize,
@@ -460,10 +461,6 @@ impl BusBudget {
                 .map(|device| device.spec().traffic())
                 .collect(),
         };
-        let taken_by_all = |cycle: &Duration| {
-            let mut models = nodes.iter().map(|(node, _)| node.model);
-            models.all(|model| model.takes_cycle(*cycle))
-        };
         let budget = traffic.budget();
         let locks = devices
             .clone()
@@ -499,10 +496,8 @@ impl BusBudget {
                 .map(|&index| machine.device_in(index, cycle).spec().traffic())
                 .collect(),
         };
-        let smallest_cycle = (1..=LONGEST_CYCLE_MS)
-            .map(Duration::from_millis)
-            .filter(taken_by_all)
-            .find(|cycle| is_on_time(&in_cycle(*cycle), polled.len()));
+        let smallest_cycle =
+            cycles(machine).find(|cycle| is_on_time(&in_cycle(*cycle), polled.len()));
         let mut rates = BIT_RATES.iter().copied().filter(|rate| {
             let mut models = nodes.iter().map(|(node, _)| node.model);
             *rate > traffic.bit_rate && models.all(|model| model.bitrates.contains(rate))
@@ -640,6 +635,9 @@ impl BusBudget {
     #[must_use]
     pub fn advice(&self) -> String {
         let cycle = self.other_cycle();
+        if self.traffic.nodes.len() < 2 {
+            return cycle;
+        }
         let budgets = self.traffic.on_two_buses().map(|half| half.budget());
         let [most, _] = &budgets;
         let requests = self.requests();
@@ -659,8 +657,18 @@ impl BusBudget {
     }
 }
 
-/// No drive of ours takes a longer one.
-const LONGEST_CYCLE_MS: u64 = 100;
+/// The cycles that all devices of the machine take, the least first: all its buses have the same one.
+fn cycles(machine: &Machine) -> impl Iterator<Item = Duration> {
+    let models = || machine.nodes().map(|node| node.model);
+    let step = models().map(|model| model.cycle_step).max();
+    let longest = models().map(|model| *model.cycles.end()).min();
+    let steps = step.zip(longest).into_iter().flat_map(|(step, longest)| {
+        (1..)
+            .map(move |count| step * count)
+            .take_while(move |cycle| *cycle <= longest)
+    });
+    steps.filter(move |cycle| models().all(|model| model.takes_cycle(*cycle)))
+}
 
 /// Positions along each axis that the typical load is averaged over.
 const POSITIONS: u32 = 256;
@@ -780,7 +788,12 @@ impl fmt::Display for BusBudget {
         } else {
             "; an EMCY makes a T_PDO or a setpoint of its cycle late, which is counted"
         };
-        let [earliest, latest] = self.offsets();
+        let hold = match self.offsets() {
+            [earliest, latest] if earliest <= latest => {
+                format!("{}…{} hold", Millis(earliest), Millis(latest))
+            }
+            _ => "none holds".to_owned(),
+        };
         let burst = Millis(bit_time(budget.r_pdo_bits, budget.bit_rate));
         let share = |time: Duration| time.as_secs_f64() / budget.cycle.as_secs_f64();
         for (name, value) in [
@@ -798,10 +811,8 @@ impl fmt::Display for BusBudget {
             (
                 "setpoint offset",
                 format!(
-                    "{} after SYNC, {}…{} hold; the burst takes {burst}{emcy}",
-                    Millis(self.setpoint_offset),
-                    Millis(earliest),
-                    Millis(latest)
+                    "{} after SYNC, {hold}; the burst takes {burst}{emcy}",
+                    Millis(self.setpoint_offset)
                 ),
             ),
             (
@@ -814,9 +825,9 @@ impl fmt::Display for BusBudget {
             (
                 "room for SDO",
                 format!(
-                    "{}, {} transfers a cycle",
+                    "{}, {} a cycle",
                     Millis(budget.sdo_room),
-                    self.sdo_per_cycle
+                    counted(self.sdo_per_cycle as u64, "transfer", "transfers")
                 ),
             ),
             (

@@ -25,6 +25,7 @@
 //! - [`bus_log`]: the traffic of a bus in files
 //! - [`campaign`]: random machines, programs, operators and troubles, watched by checkers
 //! - [`bench`](mod@bench): measures cycles and what simulations are made of
+//! - `counted`: a number with what it counts
 //! - `text`: texts of others as people are shown them
 //! - [`commands`]: the `syncline` command line
 
@@ -38,6 +39,7 @@ pub mod campaign;
 pub mod commands;
 pub mod compare;
 pub mod control;
+mod counted;
 pub mod doctor;
 pub mod drive_host;
 pub mod identify;

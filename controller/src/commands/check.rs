@@ -4,6 +4,7 @@ use super::switches::Switches;
 use super::{Exit, report};
 use crate::budget::MachineBudget;
 use crate::control::Layout;
+use crate::counted::counted;
 use crate::machine::Machine;
 use crate::program::{CappedFeeds, Extent, Programs};
 use std::error::Error;
@@ -49,15 +50,21 @@ impl Args {
         Tables::load(&Tables::beside(&self.machine))?;
         describe(&machine, &layout);
         if let Some(program) = &self.program {
-            let extent = self.check_program(&machine, program)?;
+            let Some(extent) = self.check_program(&machine, program)? else {
+                println!(
+                    "program {}: not read: with `--stream` each block is checked as it runs; without it `check` reads the whole program",
+                    program.display()
+                );
+                return Ok(());
+            };
             let turned = match extent.turned {
                 0.0 => String::new(),
                 degrees => format!(", {degrees:.1} ° of turns"),
             };
             println!(
-                "program {}: {} blocks, {:.1} mm of path{turned}",
+                "program {}: {}, {:.1} mm of path{turned}",
                 program.display(),
-                extent.blocks,
+                counted(extent.blocks, "block", "blocks"),
                 extent.length
             );
             if let Some(line) = extent.known_to {
@@ -68,16 +75,25 @@ impl Args {
             }
             let CappedFeeds { moves, line, part } = extent.capped;
             if moves > 0 {
+                let moves = counted(
+                    moves,
+                    "move asks for more than the axes can, and is as fast",
+                    "moves ask for more than the axes can, and are as fast",
+                );
                 println!(
-                    "feed: {moves} moves ask for more than the axes can, and are as fast as these can; line {line} \
-                     has {:.0} % of its feed",
+                    "feed: {moves} as these can; line {line} has {:.0} % of its feed",
                     part * 100.0
                 );
             }
             let CappedFeeds { moves, line, part } = extent.slowed;
             if moves > 0 {
+                let arcs = counted(
+                    moves,
+                    "arc is slowed down, so that it is left by no more than its mode allows",
+                    "arcs are slowed down, so that they are left by no more than their mode allows",
+                );
                 println!(
-                    "shaper: {moves} arcs are slowed down, so that they are left by no more than their mode allows; line {line} \
+                    "shaper: {arcs}; line {line} \
                      to {:.0} %: by the square root of what G64 P allows",
                     part * 100.0
                 );
@@ -92,14 +108,19 @@ impl Args {
         Ok(())
     }
 
-    fn check_program(&self, machine: &Machine, file: &Path) -> Result<Extent, Box<dyn Error>> {
+    /// What the program amounts to; nothing of one that is read as it runs.
+    fn check_program(
+        &self,
+        machine: &Machine,
+        file: &Path,
+    ) -> Result<Option<Extent>, Box<dyn Error>> {
         let programs = Programs::new(machine, &self.machine)?;
         let program = self.switches.program(&programs, file)?;
         let extent = program.check(machine.rest())?;
         if let Some(beginning) = program.beginning(machine.rest())? {
             println!("line {}: {beginning}", beginning.line());
         }
-        Ok(extent)
+        Ok((!program.streams()).then_some(extent))
     }
 }
 

@@ -5,6 +5,7 @@ use super::output::Claims;
 use super::tool::{BusChoice, Session};
 use super::{Exit, LONGEST, bad_input, report};
 use crate::bus_log::BusLog;
+use crate::counted::counted;
 use crate::realtime::now;
 use std::error::Error;
 use std::sync::Arc;
@@ -52,7 +53,7 @@ impl Args {
         };
         match self.record(session, &mut log) {
             Ok(()) => {
-                eprintln!("{} frames", log.frames());
+                eprintln!("{}", counted(log.frames(), "frame", "frames"));
                 Exit::Finished
             }
             Err(error) => {

@@ -6,6 +6,7 @@ use super::switches::Switches;
 use super::{Exit, bad_input, report};
 use crate::bus_log::candump::Line;
 use crate::control::{Layout, Phase};
+use crate::counted::counted;
 use crate::machine::Machine;
 use crate::observe::Observers;
 use crate::port::url::BusUrl;
@@ -241,7 +242,10 @@ fn print(outcome: &Outcome, layout: &Layout) {
         ..
     } = outcome;
     let seconds = (layout.cycle * *cycles as u32).as_secs_f64();
-    println!("replayed           {cycles} cycles, {seconds:.3} s");
+    println!(
+        "replayed           {}, {seconds:.3} s",
+        counted(*cycles, "cycle", "cycles")
+    );
     println!("the same           {same} frames of the controller");
     if *dropped > 0 {
         println!("dropped            {dropped} bursts that never came to the bus");

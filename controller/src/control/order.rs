@@ -154,6 +154,9 @@ pub enum Refusal {
     /// No axis is homed unless it is named.
     #[error("nothing is to be homed but what an operator homes by hand: name the axes")]
     NothingToHome,
+    /// No axis is homed at all.
+    #[error("all axes have absolute encoders: there is nothing to home")]
+    AllAbsolute,
 }
 
 impl<const N: usize> Order<N> {

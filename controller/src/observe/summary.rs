@@ -11,6 +11,7 @@ use super::provenance::Provenance;
 use super::record::{Place, Violation};
 use super::supply::SupplySummary;
 use super::switched::SwitchedState;
+use crate::counted::counted;
 use crate::program::bounds::{BoundShare, STEP, TimeBounds};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -159,16 +160,16 @@ pub struct Cause {
 /// What the time of a run went into, s. A cycle in which a move begins or ends is motion.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Times {
-    /// The path moved.
+    /// The path moved, or a thread was cut.
     pub motion_s: f64,
     /// Dwells of the program (G4).
     pub dwell_s: f64,
     /// Rest until an operator went on: feed holds, program stops, tool changes.
     pub waiting_s: f64,
-    /// Rest until the machine was as a block asked for: its spindle at speed or oriented, an input there, a command of the
+    /// Rest until the machine was as a block asked for: its spindle at speed, oriented or even enough for a thread, an input there, a command of the
     /// user's ended.
     pub awaiting_s: f64,
-    /// Axes were off the path.
+    /// Axes were off the path, but for threads.
     pub jogging_s: f64,
     /// Rest before the first motion or in between, until there was a plan.
     pub planning_s: f64,
@@ -584,7 +585,7 @@ impl fmt::Display for BoundShare {
             (what, None) => write!(f, "{share:.1} %: {what}")?,
         }
         let step = 100.0 * STEP;
-        write!(f, "; {step} % more of it save {:.3} s", self.saves_s)
+        write!(f, "; {step} % more of it saves {:.3} s", self.saves_s)
     }
 }
 
@@ -708,9 +709,9 @@ impl PositioningSummary {
     /// As a person reads it, of an axis with that unit.
     fn told(&self, unit: &str) -> String {
         format!(
-            "{} moves point to point, the longest {:.3} s in {}; at rest within {:.4} {unit} of the target, greatest in {}; \
+            "{} point to point, the longest {:.3} s in {}; at rest within {:.4} {unit} of the target, greatest in {}; \
              the last one to {:.4} {unit}",
-            self.moves,
+            counted(self.moves, "move", "moves"),
             self.longest_s,
             self.longest_at,
             self.max_error_mm,

@@ -272,7 +272,7 @@ pub(super) fn slowest(summary: &Summary, lines: &[&str]) -> String {
         return String::new();
     }
     let mut html = String::from(
-        "<div class='scroll tall'><table><tr><th class=n>Line<th class=n>From<th class=n>At its feed for\
+        "<div class='scroll tall'><table><tr><th class=n>Line<th class=n>From<th class=n>At a feed for\
          <th class=n>Lost<th>Block</tr>\n",
     );
     for place in &summary.slowest_places {

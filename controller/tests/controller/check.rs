@@ -239,6 +239,11 @@ fn an_endless_program_is_for_streaming() {
     let file = file.to_str().unwrap();
     let output = check(&[PORTAL, file, "--stream"]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let told = text(&output.stdout);
+    assert!(
+        told.contains("part.ngc: not read") && !told.contains("0 blocks"),
+        "{told}"
+    );
 }
 
 #[test]

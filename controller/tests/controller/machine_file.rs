@@ -2281,10 +2281,9 @@ fn a_drive_turns_the_spindle_or_moves_an_axis() {
 }
 
 /// One bus with these drives, an axis for each.
-fn one_bus(bitrate: u32, cycle_ms: u64, models: &[&str]) -> String {
+fn one_bus(bitrate: u32, cycle_us: u64, models: &[&str]) -> String {
     let mut text = format!(
-        "[machine]\nname = \"drawn\"\ncycle_us = {}\n[[bus]]\nname = \"b\"\nbitrate = {bitrate}\n",
-        1000 * cycle_ms
+        "[machine]\nname = \"drawn\"\ncycle_us = {cycle_us}\n[[bus]]\nname = \"b\"\nbitrate = {bitrate}\n"
     );
     for (place, model) in models.iter().enumerate() {
         let _ = write!(
@@ -2302,31 +2301,52 @@ fn one_bus(bitrate: u32, cycle_ms: u64, models: &[&str]) -> String {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(48) })]
 
-    /// A machine that is refused is taken in the least cycle that fits, and not in a whole millisecond less; and it is refused with
+    /// A machine that is refused is taken in the least cycle that fits, and in no lesser one; and it is refused with
     /// setpoints at any other offset, too.
     #[test]
     fn a_machine_is_refused_where_nothing_helps_and_taken_as_is_advised(
         bitrate in prop::sample::select(&[125_000, 250_000, 500_000, 1_000_000][..]),
-        cycle_ms in 1..12_u64,
+        half_ms in 1..24_u64,
         models in prop::collection::vec(
-            prop::sample::select(&["lxm32m", "tlc5xx", "tsp10", "tsp10", "cia402_csp"][..]), 1..=6),
+            prop::sample::select(&["lxm32m", "tlc5xx", "tsp10", "tsp10", "cia402_csp"][..]), 1..=6)
+            .prop_union(prop::collection::vec(prop::sample::select(&["cia402_csp", "cia402_csv"][..]), 1..=6)),
     ) {
-        let machine = |cycle_ms| parse(&one_bus(bitrate, cycle_ms, &models)).ok();
+        /// No drive takes another cycle than in steps of it, µs.
+        const STEP: u64 = 500;
+        let machine = |cycle_us| parse(&one_bus(bitrate, cycle_us, &models)).ok();
         let check = |machine: &Machine| MachineBudget::of(machine).check();
-        let refused = machine(cycle_ms).filter(|it| check(it).is_err());
+        let refused = machine(STEP * half_ms).filter(|it| check(it).is_err());
         prop_assume!(refused.is_some());
         let mut refused = refused.unwrap();
         if let Some(least) = MachineBudget::of(&refused).buses[0].smallest_cycle {
-            let least = least.as_millis() as u64;
+            let least = least.as_micros() as u64;
             let taken = machine(least).expect("its drives take that cycle");
-            prop_assert_eq!(check(&taken), Ok(()), "in {} ms", least);
-            if let Some(less) = machine(least - 1) {
-                prop_assert!(check(&less).is_err(), "in {} ms", least - 1);
+            prop_assert_eq!(check(&taken), Ok(()), "in {} µs", least);
+            for lesser in (STEP..least).step_by(STEP as usize) {
+                if let Some(lesser_machine) = machine(lesser) {
+                    prop_assert!(check(&lesser_machine).is_err(), "in {} µs", lesser);
+                }
             }
         }
-        for offset in (0..1000 * cycle_ms).step_by(50) {
+        for offset in (0..STEP * half_ms).step_by(50) {
             refused.controller.setpoint_offset = Some(Duration::from_micros(offset));
             prop_assert!(check(&refused).is_err(), "with setpoints at {} µs", offset);
         }
     }
+}
+
+/// What two buses would give is told of those whose drives could be apart, and offsets that hold where there are some.
+#[test]
+fn a_budget_tells_of_what_there_is() {
+    let mut without = 0;
+    for drives in 1..=6 {
+        let machine = parse(&one_bus(1_000_000, 1000, &["lxm32m"; 6][..drives])).unwrap();
+        let bus = &MachineBudget::of(&machine).buses[0];
+        let told = bus.to_string();
+        assert_eq!(told.contains("on two buses"), drives > 1, "{told}");
+        let [earliest, latest] = bus.offsets();
+        assert_eq!(told.contains("none holds"), earliest > latest, "{told}");
+        without += usize::from(earliest > latest);
+    }
+    assert!(without > 0);
 }

@@ -198,7 +198,11 @@ impl<const N: usize> Controller<N> {
             return Err(Refusal::NoSuchAxis(at));
         }
         if wanted == 0 {
-            return Err(Refusal::NothingToHome);
+            let mut axes = self.layout.axes.iter();
+            return Err(match axes.all(|axis| axis.homing.is_absolute()) {
+                true => Refusal::AllAbsolute,
+                false => Refusal::NothingToHome,
+            });
         }
         self.homing.begin(wanted);
         Ok(())
