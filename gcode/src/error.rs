@@ -489,7 +489,8 @@ pub enum Fault {
     )]
     CutterWaits { allowed: usize },
     #[error(
-        "the typed lines end with {code} on, which has to know the block behind: type the contour at once, up to G40 and a line"
+        "the typed lines end with {code} on, which has to know the block behind: type the whole contour in one go, with G40 and a \
+         straight move at its end"
     )]
     CompensationTyped { code: Code },
     #[error("line {line} is on a compensated contour: begin where G41 or G42 is, or before")]
@@ -572,6 +573,7 @@ impl Fault {
                 | Self::Unsupported { .. }
                 | Self::DuplicateWord { .. }
                 | Self::Conflict { .. }
+                | Self::CompensationTyped { .. }
         )
     }
 }

@@ -737,7 +737,8 @@ impl Interpreter {
         if self.state.nurbs.take().is_some() {
             return Err(Refusal::new(self.block.columns(), Fault::NurbsNotEnded));
         }
-        let left_on = self.state.modes.compensation;
+        // In a compensated contour of a program that is held, G41 is in effect and nothing typed is compensated.
+        let left_on = self.state.cutter().and(self.state.modes.compensation);
         self.state.end_compensation();
         if let Some(code) = left_on.filter(|_| !self.program_ended) {
             return Err(Refusal::new(

@@ -64,7 +64,7 @@ pub use error::{Error, Fault};
 pub use home::Homed;
 pub use interpreter::Interpreter;
 pub use lexer::Columns;
-pub use memory::Memory;
+pub use memory::{Memory, Unlike};
 pub use modal::{Code, FeedMode, Modes, Motion, ProgrammedFeed};
 pub use names::MachineNames;
 pub use probe::Probed;

@@ -4,7 +4,7 @@
 use super::axes::{AxisLetter, Point};
 use super::command::{Coolant, PathMode, Spindle};
 use super::coordinates::WorkCoordinates;
-use super::modal::{Code, Modes, Motion};
+use super::modal::{Modes, Motion};
 use super::parameters::{InputResult, Parameters};
 use super::saved::SavedModes;
 use super::tables::Tables;
@@ -20,6 +20,15 @@ pub struct Memory {
     pub(crate) input_result: InputResult,
     /// What M70 has saved outside of subroutines.
     pub(crate) saved: Option<SavedModes>,
+}
+
+/// What is in effect otherwise than on a machine that was just switched on.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Unlike {
+    /// What a program does not begin with.
+    pub reset: Vec<String>,
+    /// What it begins with.
+    pub stays: Vec<String>,
 }
 
 impl Memory {
@@ -48,23 +57,41 @@ impl Memory {
         self.stop();
     }
 
-    /// What a program begins with, whatever typed lines have left: G54, no shift by G92 or G52, G17, G90, G94, G40, G80. All else stays.
+    /// What a program begins with, whatever typed lines have left: G54, no shift by G92 or G52, G17, G90, G94, G40, G80, nothing that M70
+    /// has saved, and no F of another feed mode. All else stays.
     pub fn begin_program(&mut self) {
         self.reset(Modes::default().motion);
     }
 
-    /// The codes of what [`begin_program`](Self::begin_program) resets and is set otherwise, but for motion.
-    pub fn unlike_beginning(&self) -> Vec<Code> {
+    /// What is set otherwise than on a machine that was just switched on: what [`begin_program`](Self::begin_program) resets, but for
+    /// motion, and what stays, but for F, path mode, spindle, coolant and tool.
+    pub fn unlike_fresh(&self) -> Unlike {
         let (now, fresh) = (&self.modes, Modes::default());
-        let codes = [
-            (now.plane.code(), now.plane != fresh.plane),
-            (now.work_offset_code(), now.work_offset != fresh.work_offset),
-            (Code::G(910), now.incremental),
-            (now.feed_mode.code(), now.feed_mode != fresh.feed_mode),
-            (Code::G(920), self.g92_applies),
-        ];
-        let unlike = codes.into_iter().filter(|(_, is_unlike)| *is_unlike);
-        unlike.map(|(code, _)| code).collect()
+        let pick = |codes: &[(String, bool)]| {
+            let unlike = codes.iter().filter(|(_, is_unlike)| *is_unlike);
+            unlike.map(|(code, _)| code.clone()).collect()
+        };
+        Unlike {
+            reset: pick(&[
+                (now.plane.code().to_string(), now.plane != fresh.plane),
+                (
+                    now.work_offset_code().to_string(),
+                    now.work_offset != fresh.work_offset,
+                ),
+                ("G91".to_owned(), now.incremental),
+                (
+                    now.feed_mode.code().to_string(),
+                    now.feed_mode != fresh.feed_mode,
+                ),
+                ("the shift by G92 or G52".to_owned(), self.g92_applies),
+            ]),
+            stays: pick(&[
+                ("G20".to_owned(), now.inches),
+                ("G43".to_owned(), now.tool_length),
+                ("G90.1".to_owned(), now.absolute_centers),
+                ("G99".to_owned(), now.retract_to_r),
+            ]),
+        }
     }
 
     fn reset(&mut self, motion: Motion) {

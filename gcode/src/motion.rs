@@ -214,7 +214,7 @@ impl State {
         self.at = at;
     }
 
-    /// Comes to where it is from `start`: the [way](Self::way) there.
+    /// Comes to where it is from `start`: the [approach](Self::approach) there.
     pub(crate) fn go_from(&mut self, start: Point) -> Result<Vec<Action>, Refusal> {
         let approach = self.approach(start, self.at);
         self.at = start;

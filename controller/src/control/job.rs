@@ -205,7 +205,7 @@ impl<const N: usize> Controller<N> {
         let plan = &self.planned;
         let rates = plan.velocity.iter().chain(&plan.acceleration);
         let still = rates.chain(&plan.jerk).all(|rate| *rate == 0.0);
-        still && self.shaping.is_settled() && !self.executor.is_jogged()
+        still && self.axes_rest() && !self.executor.is_jogged()
     }
 
     /// Whether a program is set aside and nothing is at work.
@@ -432,7 +432,7 @@ impl<const N: usize> Controller<N> {
 
     /// Whether all rests and nothing is on its way: as where the job's first line is wrong.
     fn has_not_moved(&self) -> bool {
-        let rests = self.executor.is_at_rest() && self.shaping.is_settled();
+        let rests = self.executor.is_at_rest() && self.axes_rest();
         let on_path = !self.executor.is_off_path() && !self.has_goers();
         rests && on_path && self.reached().is_none()
     }

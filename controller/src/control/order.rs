@@ -202,7 +202,7 @@ impl<const N: usize> Controller<N> {
         }
         // From the beginning of a block on into the one before, only once the axes have come there: what is shaped
         // would cut the corner.
-        if self.executor.retraces() && self.executor.is_held() && !self.shaping.is_settled() {
+        if self.executor.retraces() && self.executor.is_held() && !self.axes_rest() {
             return Err(Refusal::Moving);
         }
         self.retraced_from = (self.planned.speed == 0.0).then_some(self.planned.distance);

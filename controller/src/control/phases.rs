@@ -285,7 +285,11 @@ impl<const N: usize> Controller<N> {
             }
             // Nodes that were only looked at may be another controller's.
             Phase::PreOperational => {
-                if take(&mut self.commands_nodes) {
+                let mut commanded = take(&mut self.commands_nodes);
+                for node in &mut self.nodes {
+                    commanded |= node.take_found_on();
+                }
+                if commanded {
                     self.send_nmt(nmt::Command::EnterPreOperational, out);
                 }
             }
@@ -500,13 +504,13 @@ impl<const N: usize> Controller<N> {
     }
 
     /// The axes are where the executor has them: through the shaper, and with their backlash taken up.
-    fn axes_rest(&self) -> bool {
+    pub(super) fn axes_rest(&self) -> bool {
         self.shaping.is_settled() && self.axes.iter().all(AxisControl::is_compensated)
     }
 
-    /// The path has come to rest, and the axes have to be where that is.
+    /// The path has come to rest, and the axes are where that is.
     pub(super) fn path_rests(&self) -> bool {
-        self.executor.is_idle() && self.shaping.is_settled()
+        self.executor.is_idle() && self.axes_rest()
     }
 
     /// The job is over, and the machine stays ready.

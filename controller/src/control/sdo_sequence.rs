@@ -147,6 +147,8 @@ pub(super) struct SdoSequence {
     polled: Option<(Address, u32)>,
     /// A command got no answer.
     unanswered: bool,
+    /// The drive was found with power, and is told to switch it off.
+    found_on: bool,
 }
 
 /// Places for what is noted.
@@ -172,7 +174,13 @@ impl SdoSequence {
             noted: [0; NOTES],
             polled: None,
             unanswered: false,
+            found_on: false,
         }
+    }
+
+    /// Whether the drive was found with power, and told to switch it off, since that was asked last.
+    pub(super) fn take_found_on(&mut self) -> bool {
+        std::mem::take(&mut self.found_on)
     }
 
     /// Asks for the edge that was captured, or else for the `other` one.
@@ -414,6 +422,7 @@ impl SdoSequence {
                 if status.power.may_be_on() {
                     let word = status.word;
                     events(Event::FoundEnabled { device, word });
+                    self.found_on = true;
                     self.steps.push_front(Step::AwaitDisabled(survey));
                     self.steps.push_front(Step::Write(survey.disable));
                 }

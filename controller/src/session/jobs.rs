@@ -15,7 +15,7 @@ use crate::run::Work;
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
-use syncline_gcode::{AxisSet, Code, InEffect, Memory, Modes, Place, WorkCoordinates};
+use syncline_gcode::{AxisSet, InEffect, Memory, Modes, Place, Unlike, WorkCoordinates};
 
 /// See the module.
 pub(super) struct Jobs {
@@ -98,15 +98,16 @@ impl Jobs {
         &self.programs
     }
 
-    /// The codes that typed lines have left and that do not hold in the program at work, which has begun at its beginning.
-    pub(super) fn unlike_beginning(&self) -> Vec<Code> {
+    /// What typed lines have left that is otherwise than on a machine that was just switched on, of the program at work if it has begun at
+    /// its beginning.
+    pub(super) fn unlike_fresh(&self) -> Unlike {
         match &self.at_work {
             Some(AtWork {
                 job,
                 resumes: false,
                 ..
-            }) if job.kind == JobKind::Program => self.programs.memory().unlike_beginning(),
-            _ => Vec::new(),
+            }) if job.kind == JobKind::Program => self.programs.memory().unlike_fresh(),
+            _ => Unlike::default(),
         }
     }
 

@@ -57,7 +57,7 @@ use remaining::Remaining;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use syncline_drives::model::PowerState;
-use syncline_gcode::{CoolantChange, InEffect, Point, Turning};
+use syncline_gcode::{CoolantChange, InEffect, Point, Turning, Unlike};
 
 /// A machine, its job, its operators and all who watch, on a [`Timeline`].
 pub struct Session<T> {
@@ -472,7 +472,7 @@ impl Desk {
             };
             jobs.begun(number, held, &now, line);
         }
-        self.tell_reset();
+        self.tell_typed();
         self.job = Job::new(number, moves);
         self.status.typed = match command {
             Command::Mdi(lines) => Some(lines.clone()),
@@ -483,18 +483,24 @@ impl Desk {
         self.show_programs();
     }
 
-    /// Tells what typed lines have left and does not hold in the program that begins.
-    fn tell_reset(&mut self) {
-        let left = (self.jobs.as_ref()).map_or_else(Vec::new, Jobs::unlike_beginning);
-        if left.is_empty() {
-            return;
+    /// Tells what of what was in effect before does not hold in the program that begins, and what holds in it.
+    fn tell_typed(&mut self) {
+        let Unlike { reset, stays } =
+            (self.jobs.as_ref()).map_or_else(Unlike::default, Jobs::unlike_fresh);
+        let mut told = Vec::new();
+        if !reset.is_empty() {
+            let reset = reset.join(", ");
+            told.push(format!(
+                "{reset}: typed before, not in effect in the program, which begins with G17 G54 G90 G94"
+            ));
         }
-        let left: Vec<String> = left.iter().map(ToString::to_string).collect();
-        let text = format!(
-            "the program begins with G17 G54 G90 G94 and without a shift: {} of what was typed before holds no more",
-            left.join(" ")
-        );
-        self.outlets.tell(Event::Message { line: 1, text });
+        if !stays.is_empty() {
+            let stays = stays.join(", ");
+            told.push(format!("{stays}: in effect in the program from before"));
+        }
+        for text in told {
+            self.outlets.tell(Event::Message { line: 1, text });
+        }
     }
 
     /// A job is over.

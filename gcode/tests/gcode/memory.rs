@@ -102,7 +102,7 @@ proptest! {
         let mut behind = Setup { memory, tables, typed: false, ..setup() };
         behind.memory.begin_program();
         behind.memory.stop();
-        prop_assert_eq!(behind.memory.unlike_beginning(), vec![]);
+        prop_assert_eq!(behind.memory.unlike_fresh().reset, Vec::<String>::new());
         let fresh = Setup { memory: Memory::default(), ..behind.clone() };
         let tool = |action: &Action| !matches!(action, Action::End);
         let (behind, ..) = run(program, &behind);
@@ -111,6 +111,26 @@ proptest! {
             behind.into_iter().filter(tool).collect::<Vec<_>>(),
             fresh.into_iter().filter(tool).collect::<Vec<_>>()
         );
+    }
+}
+
+/// Lines that are typed while a program is held on a compensated contour have nothing of it but its modes.
+#[test]
+fn lines_beside_a_compensated_contour_are_typed() {
+    let program = Setup {
+        typed: false,
+        ..setup()
+    };
+    let text = "G41.1 D4 G1 X20 F100\nX40\nY20\nX0\nG40 Y30\nM2";
+    let mut program = Interpreter::from_text("program", text, program);
+    let first = program.next();
+    assert!(first.is_some_and(|it| it.is_ok()));
+    let held = Setup {
+        memory: program.memory(),
+        ..setup()
+    };
+    for text in ["G0 Z5", "G10 L20 P0 X0", "G40 G0 X5", "G91 G1 X1 F50"] {
+        run(text, &held);
     }
 }
 

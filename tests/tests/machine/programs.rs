@@ -79,7 +79,7 @@ fn a_run_that_is_stopped_tells_where_its_axes_are() {
 /// The work offset, the distance mode and the shift that typed lines have left do not hold in a program, which says so; one that is
 /// refused leaves them as they are.
 #[test]
-fn a_program_goes_where_it_was_validated_to_go_whatever_was_typed() {
+fn a_program_goes_to_its_places_whatever_was_typed() {
     let folder = Folder::new();
     let machine = folder.machine("xyz");
     let good = folder.file("good.ngc", "G0 X20 Y5\nM2\n");
@@ -106,7 +106,7 @@ fn a_program_goes_where_it_was_validated_to_go_whatever_was_typed() {
         (end[0] - 20.0).abs() < 1e-3 && (end[1] - 5.0).abs() < 1e-3,
         "{end:?}"
     );
-    assert!(told.contains("line 1: the program begins with G17 G54 G90 G94 and without a shift: G18 G55 G91 G92 of"), "{told}");
+    assert!(told.contains("line 1: G18, G55, G91, the shift by G92 or G52: typed before, not in effect in the program"), "{told}");
     let refused = format!(
         ",load,{}\n,run,\n,mdi,X3\n,mdi,G90 G0 X50 Y7\n",
         bad.display()

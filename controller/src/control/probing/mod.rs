@@ -312,7 +312,7 @@ impl<const N: usize> Controller<N> {
             return;
         };
         let answered = self.nodes.iter().all(|node| node.is_sequence_done());
-        let rests = self.executor.is_at_rest() && self.shaping.is_settled();
+        let rests = self.executor.is_at_rest() && self.axes_rest();
         match self.probing.stage {
             Stage::Idle => {}
             Stage::Arming if answered => {
