@@ -1080,7 +1080,8 @@ mod tests {
             .check()
             .unwrap_err()
             .to_string();
-        let advice = "no cycle that its drives take fits; the least bit rate that fits is 50 kbit/s";
+        let advice =
+            "no cycle that its drives take fits; the least bit rate that fits is 50 kbit/s";
         assert!(told.contains(advice), "{told}");
         let faster = file.replace("10_000", "50_000");
         assert_eq!(MachineBudget::of(&parsed(&faster)).check(), Ok(()));

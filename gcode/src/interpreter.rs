@@ -475,17 +475,12 @@ impl Interpreter {
                 ));
             }
         }
+        let refuse = |fault| Err(Refusal::new(self.block.columns(), fault));
         if self.compensation.is_some() {
-            return Err(Refusal::new(
-                self.block.columns(),
-                Fault::BeginCompensated { line },
-            ));
+            return refuse(Fault::BeginCompensated { line });
         }
         if self.state.nurbs.is_some() {
-            return Err(Refusal::new(
-                self.block.columns(),
-                Fault::BeginNurbs { line },
-            ));
+            return refuse(Fault::BeginNurbs { line });
         }
         if self.state.input_result == InputResult::Asked {
             self.state.input_result = InputResult::Passed;
@@ -734,17 +729,15 @@ impl Interpreter {
 
     fn end(&mut self) -> Result<(), Refusal> {
         // Told once: whoever looks for further mistakes comes to the end all the same.
+        let refuse = |fault| Err(Refusal::new(self.block.columns(), fault));
         if self.state.nurbs.take().is_some() {
-            return Err(Refusal::new(self.block.columns(), Fault::NurbsNotEnded));
+            return refuse(Fault::NurbsNotEnded);
         }
         // In a compensated contour of a program that is held, G41 is in effect and nothing typed is compensated.
         let left_on = self.state.cutter().and(self.state.modes.compensation);
         self.state.end_compensation();
         if let Some(code) = left_on.filter(|_| !self.program_ended) {
-            return Err(Refusal::new(
-                self.block.columns(),
-                Fault::CompensationTyped { code },
-            ));
+            return refuse(Fault::CompensationTyped { code });
         }
         self.actions.push_back(Action::End);
         self.settle(self.span())?;

@@ -684,15 +684,9 @@ impl DeviceNode {
     /// The steps from a drive in an unknown state to one that may be reset.
     pub(super) fn ask_survey(&mut self) {
         let survey = self.survey();
-        let history = self
-            .device
-            .spec()
-            .history
-            .iter()
-            .copied()
-            .map(Step::History);
+        let history = self.device.spec().history.iter().copied();
         self.sequence.extend(survey.map(Step::Survey));
-        self.sequence.extend(history);
+        self.sequence.extend(history.map(Step::History));
     }
 
     /// The steps from the boot-up message to a drive that is set up.

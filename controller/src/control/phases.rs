@@ -283,16 +283,7 @@ impl<const N: usize> Controller<N> {
                 self.keep_references();
                 self.ask_release();
             }
-            // Nodes that were only looked at may be another controller's.
-            Phase::PreOperational => {
-                let mut commanded = take(&mut self.commands_nodes);
-                for node in &mut self.nodes {
-                    commanded |= node.take_found_on();
-                }
-                if commanded {
-                    self.send_nmt(nmt::Command::EnterPreOperational, out);
-                }
-            }
+            Phase::PreOperational => self.leave_nodes(out),
             Phase::Done => self.sync_on = false,
         }
     }
@@ -782,6 +773,17 @@ impl<const N: usize> Controller<N> {
 
     fn set_power(&mut self, power: PowerCommand) {
         self.ask(|node| node.power = power);
+    }
+
+    /// Takes nodes out of Operational that were commanded: those that were only looked at may be another controller's.
+    fn leave_nodes(&mut self, out: &mut [Outbox]) {
+        let mut commanded = take(&mut self.commands_nodes);
+        for node in &mut self.nodes {
+            commanded |= node.take_found_on();
+        }
+        if commanded {
+            self.send_nmt(nmt::Command::EnterPreOperational, out);
+        }
     }
 
     fn send_nmt(&self, command: nmt::Command, out: &mut [Outbox]) {

@@ -28,11 +28,7 @@ const NEAREST: f64 = 1e-9;
 /// Where a rounding leads from one move to the next, its foot jumps by up to so many times its distance.
 const CORNER: f64 = 4.0;
 /// Moves farther away than the ones before, in a row, after which nearer ones are not expected.
-const AHEAD: u32 = 8;
-/// Moves before those at work on which a setpoint may be.
-const BEHIND: u32 = AHEAD;
-/// Cycles by which a setpoint may be on another move than the one that is at work.
-const LATELY: f64 = 2.0;
+pub const AHEAD: u32 = 8;
 
 /// How far setpoint and tool were from the program's moves so far.
 #[derive(Debug)]
@@ -46,11 +42,6 @@ pub(super) struct Deviation {
     trail: Trail,
     /// The path of the setpoints is all that there is.
     without_moves: bool,
-    /// How long impulses of the input shaper are apart at most, s.
-    shaped: f64,
-    /// The greatest acceleration along the path, mm/s².
-    acceleration: f64,
-    cycle: f64,
     /// By coordinate: whether its axis goes point to point, beside the path.
     beside: [bool; COORDINATES],
     watch: Watch,
@@ -102,14 +93,6 @@ impl Deviation {
             drives: Greatest::default(),
             trail: Trail::new(machine.cycle.as_secs_f64()),
             without_moves: false,
-            shaped: machine.shaper.duration(),
-            acceleration: (machine
-                .axes
-                .iter()
-                .map(|axis| axis.limits.acceleration.powi(2)))
-            .sum::<f64>()
-            .sqrt(),
-            cycle: machine.cycle.as_secs_f64(),
             beside: machine.point_to_point(),
             watch: Watch::default(),
             tolerance: machine.validation.contour_error,
@@ -150,10 +133,7 @@ impl Deviation {
         };
         let (position, actual) = (on_path(plan.position), &on_path(*actual));
         let at_tool = &on_path(*tool);
-        // Where it is on its moves, from the ends of those that are at work: rounded, and a mean of what the shaper has.
-        let speed = plan.speed + self.acceleration * self.shaped;
-        let aside = CORNER * motion.tolerance + speed * (self.shaped + LATELY * self.cycle);
-        let foot = nearest(observed, &position, aside);
+        let foot = nearest(observed, &position);
         let deviation = foot.as_ref().map_or(f64::INFINITY, |foot| foot.away);
         (self.trail).push(row.cycle, position, plan.velocity, at_tool);
         let reach = self.trail.reach() + CORNER * deviation;
@@ -241,51 +221,34 @@ impl Deviation {
     }
 }
 
-/// Where a setpoint is on the moves that are at work, and up to so many mm beyond them along the path: what crosses there from elsewhere
-/// does not count. At once where it is as near as one may be.
-fn nearest(observed: &Observed, point: &Position, aside: f64) -> Option<Foot> {
+/// Where a setpoint is on the moves that it may be on; at once where it is as near as one may be.
+fn nearest(observed: &Observed, point: &Position) -> Option<Foot> {
     let tags = observed.tags?;
     let (first, last) = (*tags.start(), *tags.end());
-    let curve = |tag| observed.moves.motion(tag).map(ProgramMove::curve);
     let mut nearest: Option<Foot> = None;
-    let mut is_nearer = |tag: u32, curve: &Curve<COORDINATES>, range: Range<f64>| {
-        let (away, along) = foot(curve, point, &range);
+    let mut farther = 0;
+    // Where this stretch passes into the next one it may be near to any move of that.
+    for tag in (first..=last).rev().chain(last + 1..) {
+        let Some(curve) = observed.moves.motion(tag).map(ProgramMove::curve) else {
+            if tag > last {
+                break;
+            }
+            continue;
+        };
+        let (away, along) = foot(&curve, point, &(0.0..curve.length()));
         let nearer = nearest.as_ref().is_none_or(|nearest| away < nearest.away);
+        // Counted among those only that are ahead.
+        farther = if nearer || tag <= last {
+            0
+        } else {
+            farther + 1
+        };
         if nearer {
             nearest = Some(Foot { away, tag, along });
         }
-        (nearer, away <= NEAREST)
-    };
-    for tag in (first..=last).rev() {
-        if let Some(curve) = curve(tag)
-            && let (_, true) = is_nearer(tag, &curve, 0.0..curve.length())
-        {
-            return nearest;
-        }
-    }
-    let mut left = aside;
-    for tag in (first.saturating_sub(BEHIND)..first).rev() {
-        let Some(curve) = curve(tag).filter(|_| left > 0.0) else {
-            break;
-        };
-        let length = curve.length();
-        if let (_, true) = is_nearer(tag, &curve, (length - left).max(0.0)..length) {
-            return nearest;
-        }
-        left -= length;
-    }
-    let (mut left, mut farther) = (aside, 0);
-    for tag in last + 1.. {
-        let Some(curve) = curve(tag).filter(|_| left > 0.0 && farther <= AHEAD) else {
-            break;
-        };
-        let length = curve.length();
-        let (nearer, is_on) = is_nearer(tag, &curve, 0.0..left.min(length));
-        farther = if nearer { 0 } else { farther + 1 };
-        if is_on {
+        if (nearer && away <= NEAREST) || farther > AHEAD {
             break;
         }
-        left -= length;
     }
     nearest
 }

@@ -2,12 +2,15 @@
 
 use crate::control::Row;
 use crate::machine::{COORDINATES, Position};
+use crate::observe::deviation::AHEAD;
 use crate::program::{ModalState, Moves};
 use std::ops::RangeInclusive;
 use syncline_gcode::Place;
 
-/// The tool follows later than the setpoint: it may be on what that was on so many rows before.
+/// The tool follows later than the setpoint: it may be on what that was on so many rows before …
 const ROWS_BEHIND: usize = 8;
+/// … and on so many moves before that.
+const MOVES_BEHIND: u32 = AHEAD;
 /// Moves that are kept behind the setpoint's: the path may go back along them.
 const KEPT: u32 = 4096;
 
@@ -153,7 +156,7 @@ impl Job {
             let (first, last) = self.last.iter().fold((tag, tag), |(first, last), &of| {
                 (first.min(of), last.max(of))
             });
-            self.tags = Some(first..=last);
+            self.tags = Some(first.saturating_sub(MOVES_BEHIND)..=last);
         }
         changes
     }

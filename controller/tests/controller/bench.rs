@@ -148,7 +148,7 @@ fn the_parts_of_a_simulation_are_told_in_the_same_way() {
         let text = bench(&format!("{what} --steps 20"), None);
         let text = String::from_utf8(text.stdout).unwrap();
         assert!(
-            text.contains(" a second") && text.contains("n=20  p50"),
+            text.contains(" a second") && text.contains("n=20  min"),
             "{text}"
         );
     }

@@ -154,7 +154,7 @@ fn a_stop_says_where_it_was_and_what_was_left() {
         "{printed}"
     );
     assert!(
-        printed.contains("stopped            in line 2 at X50.0000 Y"),
+        printed.contains("stopped            in line 2 at X50.000"),
         "{printed}"
     );
     let program = folder.file("p.ngc", "G1 X5 F6000\nM2\n");

@@ -647,28 +647,4 @@ proptest! {
         let [whole, drives] = ["contour_error", "drive_deviation"].map(|of| number(&found, &format!("/path/max_{of}_mm")));
         prop_assert!(drives <= whole + 1e-9, "{drives} of {whole}");
     }
-
-    /// Moves cross each other anywhere, whatever rounds them, lines and full circles: what crosses from elsewhere is no part of the error.
-    #[test]
-    fn what_crosses_from_elsewhere_does_not_count(
-        tolerance in 2..20_u32,
-        method in prop::sample::select(vec!["", "clock", "coordinates"]),
-        moves in prop::collection::vec((prop::bool::ANY, prop::array::uniform2(-40..41_i32)), 4..10),
-    ) {
-        let mut program = format!("G64 P0.{tolerance:02} F6000\nG0 X-50 Y-50\n");
-        for (turns, [x, y]) in moves {
-            program += &match turns && [x, y] != [0, 0] {
-                true => format!("G2 I{} J{}\n", f64::from(x) / 4.0, f64::from(y) / 4.0),
-                false => format!("G1 X{x} Y{y}\n"),
-            };
-        }
-        let shaper = match method {
-            "" => String::new(),
-            _ => format!("\n[shaper]\nkind = \"zv\"\nmethod = \"{method}\"\nmodes = [[8.0, 0.02]]\n"),
-        };
-        let found = validated(&shaper, &[], &(program.clone() + "M2\n"));
-        let of = |key| number(&found, &format!("/path/max_{key}_mm"));
-        let [whole, rounding, drives] = ["contour_error", "deviation", "drive_deviation"].map(of);
-        prop_assert!(whole <= rounding + drives + 1e-6, "{whole} {rounding} {drives}\n{program}");
-    }
 }

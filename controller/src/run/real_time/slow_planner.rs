@@ -100,26 +100,37 @@ z = [-100.0, -50.0]
     Machine::parse(&file, &format!("{text}{probe}")).unwrap()
 }
 
-/// Stands between a cycle and its planner; hands on what the planner's ends of the queues are. Of everything that passes the next delay
+/// Stands between a cycle and its planner; hands on what the planner's ends of the queues are. Of all that passes either way the next delay
 /// tells how long it is held back, and the last one is followed by the first.
-fn relay(mut cycle: PlanQueues, delays: Vec<Duration>) -> PlanQueues {
+fn relay(cycle: PlanQueues, delays: &[Duration]) -> PlanQueues {
     let (mut ask, requests) = RingBuffer::new(REQUESTS);
-    let (give, mut instructions) = RingBuffer::new(INSTRUCTIONS);
+    let (give, mut planned) = RingBuffer::new(INSTRUCTIONS);
+    let (mut asked, mut instructions) = (cycle.requests, cycle.instructions);
+    let delays: Vec<Duration> = delays.into();
+    let mut held_back = delays.into_iter().cycle();
+    let mut answered = held_back.clone();
     thread::spawn(move || {
-        let mut delays = delays.into_iter().cycle();
-        let mut hold_back = || thread::sleep(delays.next().unwrap_or_default());
-        while !cycle.instructions.is_abandoned() {
-            if let Ok(request) = cycle.requests.pop() {
-                hold_back();
-                ask.push(request).unwrap();
-            } else if let Some(instruction) = (!cycle.instructions.is_full())
-                .then(|| instructions.pop().ok())
+        while !asked.is_abandoned() {
+            match (!ask.is_full()).then(|| asked.pop().ok()).flatten() {
+                Some(request) => {
+                    thread::sleep(held_back.next().unwrap_or_default());
+                    ask.push(request).unwrap();
+                }
+                None => thread::sleep(NAP),
+            }
+        }
+    });
+    thread::spawn(move || {
+        while !instructions.is_abandoned() {
+            match (!instructions.is_full())
+                .then(|| planned.pop().ok())
                 .flatten()
             {
-                hold_back();
-                cycle.instructions.push(instruction).unwrap();
-            } else {
-                thread::sleep(NAP);
+                Some(instruction) => {
+                    thread::sleep(answered.next().unwrap_or_default());
+                    instructions.push(instruction).unwrap();
+                }
+                None => thread::sleep(NAP),
             }
         }
     });
@@ -130,7 +141,7 @@ fn relay(mut cycle: PlanQueues, delays: Vec<Duration>) -> PlanQueues {
 }
 
 /// Runs the program, held by an operator and resumed in the cycle with that number.
-fn run(pace: Pace, delays: Vec<Duration>, held: u64) -> Seen {
+fn run(pace: Pace, delays: &[Duration], held: u64) -> Seen {
     let machine = machine();
     let layout = Arc::new(Layout::new(&machine).unwrap());
     let unseen = Box::new(|_: &_| ());
@@ -209,12 +220,12 @@ fn delays() -> impl Strategy<Value = Vec<Duration>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(2))]
+    #![proptest_config(ProptestConfig { max_shrink_iters: 2, failure_persistence: None, ..ProptestConfig::with_cases(2) })]
 
     #[test]
     fn a_slow_planner_makes_motion_take_longer_and_nothing_else(delays in delays(), held in 50_u64..1500) {
-        let waited_for = run(Pace::LockstepWithPlanner, vec![Duration::ZERO], held);
-        let slow = run(Pace::Lockstep, delays, held);
+        let waited_for = run(Pace::LockstepWithPlanner, &[Duration::ZERO], held);
+        let slow = run(Pace::Lockstep, &delays, held);
         prop_assert_eq!(&slow.functions, &waited_for.functions);
         prop_assert_eq!(&slow.dwells, &waited_for.dwells);
         prop_assert_eq!(&slow.probed, &waited_for.probed);
