@@ -1,6 +1,6 @@
 //! A simulated absolute rotary encoder as the profile has it: CiA 406 on a CANopen device by CiA 301's strict rules.
 //!
-//! Its shaft is turned with another device's by [`World::follow`](crate::world::World::follow), and the position value is taken
+//! Its shaft is turned with another device's by [`Ties::follow`](crate::world::Ties::follow), and the position value is taken
 //! at the instant of the SYNC, the request or the event that asks for it. Code sequence, scaling and preset make of it what
 //! they make in a TWK CRN; nothing is stored.
 //!

@@ -21,7 +21,7 @@
 //! [`TwinConfig`], with a default that is an assumption.
 //!
 //! It has no loop of its own: its shaft is turned by [`Twin::turn`], or with another device's by
-//! [`World::follow`](crate::world::World::follow), and the position is taken at the instant of the
+//! [`Ties::follow`](crate::world::Ties::follow), and the position is taken at the instant of the
 //! SYNC, the request or the event that asks for it.
 //!
 //! An encoder whose bit rate is not that of its bus hears nothing and says nothing there. A real
