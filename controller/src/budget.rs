@@ -496,8 +496,9 @@ impl BusBudget {
                 .map(|&index| machine.device_in(index, cycle).spec().traffic())
                 .collect(),
         };
-        let smallest_cycle =
-            cycles(machine).find(|cycle| is_on_time(&in_cycle(*cycle), polled.len()));
+        let smallest_cycle = least(&cycles(machine).collect::<Vec<_>>(), |cycle| {
+            is_on_time(&in_cycle(cycle), polled.len())
+        });
         let mut rates = BIT_RATES.iter().copied().filter(|rate| {
             let mut models = nodes.iter().map(|(node, _)| node.model);
             *rate > traffic.bit_rate && models.all(|model| model.bitrates.contains(rate))
@@ -655,6 +656,17 @@ impl BusBudget {
             Millis(most.cycle)
         )
     }
+}
+
+/// The first of some cycles that fits: looked for in strides, and in the last one by halves, as a longer cycle has more room.
+fn least(cycles: &[Duration], fits: impl Fn(Duration) -> bool) -> Option<Duration> {
+    const STRIDE: usize = 100;
+    let stride = cycles
+        .chunks(STRIDE)
+        .find(|stride| stride.last().is_some_and(|last| fits(*last)))?;
+    stride
+        .get(stride.partition_point(|cycle| !fits(*cycle)))
+        .copied()
 }
 
 /// The cycles that all devices of the machine take, the least first: all its buses have the same one.
