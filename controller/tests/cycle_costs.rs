@@ -314,27 +314,24 @@ impl ExamplePlan {
 
 #[test]
 fn no_allocation_and_no_first_touch_in_100_000_cycles() {
-    let _alone = ONE_AT_A_TIME.lock();
-    let mut warm = Warm::new(AXES);
-    assert_eq!(costs(&mut warm, 100_000, Plant::Nothing), (0, 0));
-    assert_eq!(costs(&mut warm, CHUNK, Plant::Allocation).0, 1);
-    assert_eq!(costs(&mut warm, CHUNK, Plant::FirstTouch).1, 1);
+    cost_nothing(|| Warm::new(AXES), 100_000);
 }
 
 #[test]
 fn no_allocation_and_no_first_touch_with_devices_of_several_kinds() {
-    let _alone = ONE_AT_A_TIME.lock();
-    let mut warm = Warm::mixed();
-    assert_eq!(costs(&mut warm, 20_000, Plant::Nothing), (0, 0));
-    assert_eq!(costs(&mut warm, CHUNK, Plant::Allocation).0, 1);
-    assert_eq!(costs(&mut warm, CHUNK, Plant::FirstTouch).1, 1);
+    cost_nothing(Warm::mixed, 20_000);
 }
 
 #[test]
 fn no_allocation_and_no_first_touch_with_compensated_axes_and_torques() {
+    cost_nothing(Warm::compensated, 20_000);
+}
+
+/// So many cycles allocate nothing and touch no page for the first time; one that does is seen.
+fn cost_nothing(warm: impl FnOnce() -> Warm, cycles: usize) {
     let _alone = ONE_AT_A_TIME.lock();
-    let mut warm = Warm::compensated();
-    assert_eq!(costs(&mut warm, 20_000, Plant::Nothing), (0, 0));
+    let mut warm = warm();
+    assert_eq!(costs(&mut warm, cycles, Plant::Nothing), (0, 0));
     assert_eq!(costs(&mut warm, CHUNK, Plant::Allocation).0, 1);
     assert_eq!(costs(&mut warm, CHUNK, Plant::FirstTouch).1, 1);
 }

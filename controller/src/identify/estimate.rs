@@ -363,6 +363,11 @@ fn swing(&[.., antiresonance, resonance, damping, highest]: &[Figure; 9]) -> Opt
 }
 
 impl Figure {
+    /// Whether the log tells it from nothing.
+    pub(super) fn differs_from_nothing(self) -> bool {
+        self.value.abs() > self.uncertainty
+    }
+
     /// In another unit.
     pub(super) fn times(self, scale: f64) -> Self {
         Self {

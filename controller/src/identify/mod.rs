@@ -363,7 +363,7 @@ impl Key {
     /// As the file has it: what may as well be nothing is nothing, or is left as it is where a key is above 0.
     fn value(&self) -> Option<String> {
         let Self { key, figure } = self;
-        if figure.value.abs() > figure.uncertainty {
+        if figure.differs_from_nothing() {
             return Some(rounded(figure));
         }
         (!matches!(*key, "load" | "stiffness" | "damping")).then(|| "0.0".to_owned())
@@ -372,16 +372,12 @@ impl Key {
 
 /// What the drive of an axis is sent so: what may as well be nothing is nothing.
 fn feed_forward(subject: &Moved, axis: &Axis, estimate: &Estimate) -> FeedForward {
-    let sure = |figure: Figure| match figure.value.abs() > figure.uncertainty {
+    let sure = |figure: Figure| match figure.differs_from_nothing() {
         true => figure.value,
         false => 0.0,
     };
     let inertia = estimate.inertia.value.max(0.0);
-    let crosses_play = axis
-        .compensation
-        .as_ref()
-        .is_some_and(|it| it.backlash > 0.0);
-    let motor = subject.motor.filter(|_| crosses_play);
+    let motor = subject.motor.filter(|_| axis.has_backlash());
     FeedForward {
         rated_torque: subject.shaft.rated_torque,
         inertia,

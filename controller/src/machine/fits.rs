@@ -1,7 +1,7 @@
 //! Whether a drive can do what its axis, the cycle and its bus ask of it: what the model says of
 //! itself, held against the machine file.
 
-use super::compensation::{Compensation, CompensationTable};
+use super::compensation::CompensationTable;
 use super::encoder::OFTEN_ENOUGH;
 use super::{Axis, AxisLimits, Drive, HomingMethod, Machine, Motion, POLL};
 use std::f64::consts::TAU;
@@ -286,8 +286,7 @@ pub(super) fn check_feed_forward(log: &mut Log<'_>, machine: &Machine, places: &
         let Some(feed_forward) = axis.feed_forward.filter(|_| can) else {
             continue;
         };
-        let plays = |it: &Compensation| it.backlash > 0.0;
-        if feed_forward.motor_inertia > 0.0 && !axis.compensation.as_ref().is_some_and(plays) {
+        if feed_forward.motor_inertia > 0.0 && !axis.has_backlash() {
             log.report(
                 place.clone(),
                 format!(

@@ -393,6 +393,13 @@ impl Axis {
         homed.unwrap_or_else(|| 0f64.clamp(least, most))
     }
 
+    /// Whether its drives cross play where it turns round.
+    #[must_use]
+    pub fn has_backlash(&self) -> bool {
+        let compensation = self.compensation.as_ref();
+        compensation.is_some_and(|it| it.backlash > 0.0)
+    }
+
     /// Where a side of it, by its place in `drives`, stands when it is simulated with this seed and switched on, mm.
     #[must_use]
     pub fn stands(&self, side: usize, seed: u64) -> f64 {

@@ -309,11 +309,12 @@ impl Cycle {
                 waited = match self.timing.pace {
                     Pace::HostClock => Duration::ZERO,
                     Pace::Lockstep => self.look_for_plan(due + self.slack),
-                    Pace::LockstepWithPlanner => self.wait_for_plan(),
+                    Pace::LockstepWithPlanner => {
+                        let stood = self.wait_for_plan();
+                        origin += stood;
+                        stood
+                    }
                 };
-                if self.timing.pace == Pace::LockstepWithPlanner {
-                    origin += waited;
-                }
             }
             let begun = realtime::now();
             let collected = self.driver.collect(now).map(|_| ());

@@ -10,6 +10,7 @@ use crate::control::{End, MachineFunctions, Row, State, Waiting};
 use crate::program::Programs;
 use proptest::collection::vec;
 use proptest::prelude::*;
+use std::fmt::Debug;
 use std::path::Path;
 
 /// Everything that is switched, waited for and found: the probe touches the table 40 mm below X100 Y100.
@@ -103,41 +104,35 @@ z = [-100.0, -50.0]
 /// Stands between a cycle and its planner; hands on what the planner's ends of the queues are. Of all that passes either way the next delay
 /// tells how long it is held back, and the last one is followed by the first.
 fn relay(cycle: PlanQueues, delays: &[Duration]) -> PlanQueues {
-    let (mut ask, requests) = RingBuffer::new(REQUESTS);
-    let (give, mut planned) = RingBuffer::new(INSTRUCTIONS);
-    let (mut asked, mut instructions) = (cycle.requests, cycle.instructions);
-    let delays: Vec<Duration> = delays.into();
-    let mut held_back = delays.into_iter().cycle();
-    let mut answered = held_back.clone();
-    thread::spawn(move || {
-        while !asked.is_abandoned() {
-            match (!ask.is_full()).then(|| asked.pop().ok()).flatten() {
-                Some(request) => {
-                    thread::sleep(held_back.next().unwrap_or_default());
-                    ask.push(request).unwrap();
-                }
-                None => thread::sleep(NAP),
-            }
-        }
-    });
-    thread::spawn(move || {
-        while !instructions.is_abandoned() {
-            match (!instructions.is_full())
-                .then(|| planned.pop().ok())
-                .flatten()
-            {
-                Some(instruction) => {
-                    thread::sleep(answered.next().unwrap_or_default());
-                    instructions.push(instruction).unwrap();
-                }
-                None => thread::sleep(NAP),
-            }
-        }
-    });
+    let (ask, requests) = RingBuffer::new(REQUESTS);
+    let (give, instructions) = RingBuffer::new(INSTRUCTIONS);
+    hold_back(cycle.requests, ask, delays);
+    hold_back(instructions, cycle.instructions, delays);
     PlanQueues {
         requests,
         instructions: give,
     }
+}
+
+/// One way of it, until nobody gives or nobody takes any more.
+fn hold_back<T: Send + Debug + 'static>(
+    mut from: Consumer<T>,
+    mut to: Producer<T>,
+    delays: &[Duration],
+) {
+    let delays: Vec<Duration> = delays.into();
+    let mut delays = delays.into_iter().cycle();
+    thread::spawn(move || {
+        while !(to.is_abandoned() || from.is_abandoned() && from.is_empty()) {
+            match (!to.is_full()).then(|| from.pop().ok()).flatten() {
+                Some(it) => {
+                    thread::sleep(delays.next().unwrap_or_default());
+                    to.push(it).unwrap();
+                }
+                None => thread::sleep(NAP),
+            }
+        }
+    });
 }
 
 /// Runs the program, held by an operator and resumed in the cycle with that number.
