@@ -5,6 +5,12 @@
 //! is how far the axes are off the path of those (`trail`); and what lies between the motors and the tool: what twists,
 //! has play or a lead error, or grows with warmth (`transmission`), and the sway of the structure (`structure`). In the worst
 //! case they add up.
+//!
+//! A program crosses itself, and where a corner is rounded another move may be nearer than the two that meet there. The places are
+//! therefore sought along the program's moves: from where the path has come to by its own distance, the setpoint's no
+//! farther than a few times of what it is away from there, and from that the tool's no farther than it can lag. The nearest of the
+//! last eight moves and the next eight, as it was once, hid roundings that another move crossed, and made a contour error of the
+//! tool's distance from that move.
 
 use super::Observed;
 use super::circles::Circles;
@@ -15,7 +21,7 @@ use super::summary::PathSummary;
 use super::trail::{Trail, norm};
 use super::travel::Travel;
 use crate::machine::{COORDINATES, Machine, Position};
-use crate::program::{Moves, ProgramMove};
+use crate::program::Moves;
 use std::ops::Range;
 use syncline_trajectory::path::Curve;
 
@@ -27,8 +33,6 @@ const STEPS: usize = 12;
 const NEAREST: f64 = 1e-9;
 /// Where a rounding leads from one move to the next, its foot jumps by up to so many times its distance.
 const CORNER: f64 = 4.0;
-/// Moves farther away than the ones before, in a row, after which nearer ones are not expected.
-pub const AHEAD: u32 = 8;
 
 /// How far setpoint and tool were from the program's moves so far.
 #[derive(Debug)]
@@ -39,6 +43,7 @@ pub(super) struct Deviation {
     tool: Greatest,
     /// Of the actual position from the path of the setpoints, mm: the drives' part of it.
     drives: Greatest,
+    course: Course,
     trail: Trail,
     /// The path of the setpoints is all that there is.
     without_moves: bool,
@@ -69,6 +74,8 @@ struct Foot {
     tag: u32,
     /// Where on that, mm.
     along: f64,
+    /// The place itself.
+    place: Position,
 }
 
 /// A distance that is greater than allowed, mm.
@@ -91,6 +98,7 @@ impl Deviation {
             setpoint: Greatest::default(),
             tool: Greatest::default(),
             drives: Greatest::default(),
+            course: Course::default(),
             trail: Trail::new(machine.cycle.as_secs_f64()),
             without_moves: false,
             beside: machine.point_to_point(),
@@ -121,7 +129,10 @@ impl Deviation {
         if self.without_moves {
             return self.observe_trail(observed, tool, time, violations);
         }
-        let Some(motion) = observed.tags.and(observed.moves.motion(plan.tag)) else {
+        let at_work = observed
+            .tag
+            .and_then(|tag| Some((tag, observed.moves.motion(tag)?)));
+        let Some((tag, motion)) = at_work else {
             self.trail.clear();
             return None;
         };
@@ -133,14 +144,13 @@ impl Deviation {
         };
         let (position, actual) = (on_path(plan.position), &on_path(*actual));
         let at_tool = &on_path(*tool);
-        let foot = nearest(observed, &position);
+        let foot = (self.course).nearest(observed.moves, tag, plan.distance, &position);
         let deviation = foot.as_ref().map_or(f64::INFINITY, |foot| foot.away);
         (self.trail).push(row.cycle, position, plan.velocity, at_tool);
         let reach = self.trail.reach() + CORNER * deviation;
-        let nowhere = (f64::INFINITY, *at_tool);
-        let (tool, place) = foot.as_ref().map_or(nowhere, |foot| {
-            from_stretch(observed.moves, foot, [reach, reach], at_tool).unwrap_or(nowhere)
-        });
+        let of_tool = (foot.as_ref())
+            .and_then(|foot| from_stretch(observed.moves, foot, [reach, reach], at_tool));
+        let (tool, place) = of_tool.map_or((f64::INFINITY, *at_tool), |of| (of.away, of.place));
         let at = Place { time, line: *line };
         self.setpoint.look(deviation, at);
         self.tool.look(tool, at);
@@ -148,9 +158,9 @@ impl Deviation {
         // Axes that lead are where no setpoint has been yet: there the setpoints' path is the program's.
         if off > self.drives.value
             && let Some(foot) = &foot
-            && let Some((ahead, _)) = from_stretch(observed.moves, foot, [0.0, reach], actual)
+            && let Some(ahead) = from_stretch(observed.moves, foot, [0.0, reach], actual)
         {
-            off = off.min(ahead);
+            off = off.min(ahead.away);
         }
         self.drives.look(off, at);
         let allowed = motion.tolerance;
@@ -221,60 +231,90 @@ impl Deviation {
     }
 }
 
-/// Where a setpoint is on the moves that it may be on; at once where it is as near as one may be.
-fn nearest(observed: &Observed, point: &Position) -> Option<Foot> {
-    let tags = observed.tags?;
-    let (first, last) = (*tags.start(), *tags.end());
-    let mut nearest: Option<Foot> = None;
-    let mut farther = 0;
-    // Where this stretch passes into the next one it may be near to any move of that.
-    for tag in (first..=last).rev().chain(last + 1..) {
-        let Some(curve) = observed.moves.motion(tag).map(ProgramMove::curve) else {
-            if tag > last {
-                break;
-            }
-            continue;
-        };
-        let (away, along) = foot(&curve, point, &(0.0..curve.length()));
-        let nearer = nearest.as_ref().is_none_or(|nearest| away < nearest.away);
-        // Counted among those only that are ahead.
-        farther = if nearer || tag <= last {
-            0
-        } else {
-            farther + 1
-        };
-        if nearer {
-            nearest = Some(Foot { away, tag, along });
-        }
-        if (nearer && away <= NEAREST) || farther > AHEAD {
-            break;
-        }
-    }
-    nearest
+/// Where on the program's moves the path is.
+#[derive(Clone, Copy, Debug, Default)]
+struct Course {
+    /// Of the move that the path has come to.
+    tag: u32,
+    /// Where that begins by the path's distance, mm.
+    from: f64,
+    /// The path's distance when this was last asked for, mm.
+    distance: f64,
 }
 
-/// The place of the program's moves, up to so many mm back from a foot and so many on from it, that is nearest to a point, with
-/// how far that is, mm: what crosses there from elsewhere does not count.
+impl Course {
+    /// The nearest place to a setpoint at that distance of the path, whose move has this tag. It is sought from where the path is
+    /// on that, so far along it as a rounding or a shaper may have the setpoint aside: what crosses there from elsewhere, also a
+    /// later part of the same move, does not count.
+    fn nearest(
+        &mut self,
+        moves: &Moves,
+        tag: u32,
+        distance: f64,
+        point: &Position,
+    ) -> Option<Foot> {
+        let curve = moves.motion(tag)?.curve();
+        let length = curve.length();
+        if tag != self.tag {
+            let entered = if tag > self.tag { 0.0 } else { length };
+            let gone = (distance - self.distance).abs();
+            let near = gone + CORNER * norm(&curve.at(entered).q, point);
+            let range = (entered - near).max(0.0)..(entered + near).min(length);
+            (self.tag, self.from) = (tag, distance - foot(&curve, point, &range).1);
+        }
+        self.distance = distance;
+        let along = (distance - self.from).clamp(0.0, length);
+        let place = curve.at(along).q;
+        let away = norm(&place, point);
+        let path = Foot {
+            away,
+            tag,
+            along,
+            place,
+        };
+        if away <= NEAREST {
+            return Some(path);
+        }
+        let found = from_stretch(moves, &path, [CORNER * away; 2], point)?;
+        if found.tag == tag {
+            self.from = distance - found.along;
+        }
+        Some(found)
+    }
+}
+
+/// The place of the program's moves, up to so many mm back from a foot and so many on from it, that is nearest to a point.
 fn from_stretch(
     moves: &Moves,
     from: &Foot,
     [back, on]: [f64; 2],
     point: &Position,
-) -> Option<(f64, Position)> {
+) -> Option<Foot> {
     let curve = moves.motion(from.tag)?.curve();
     let length = curve.length();
     let (before, behind) = (from.along - back, from.along + on);
-    let (mut nearest, s) = foot(&curve, point, &(before.max(0.0)..behind.min(length)));
-    let mut place = curve.at(s).q;
-    let mut look = |curve: &Curve<COORDINATES>, range: Range<f64>| {
+    let (away, along) = foot(&curve, point, &(before.max(0.0)..behind.min(length)));
+    let mut nearest = Foot {
+        away,
+        tag: from.tag,
+        along,
+        place: curve.at(along).q,
+    };
+    let mut look = |tag: u32, curve: &Curve<COORDINATES>, range: Range<f64>| {
         // Nothing of a line is nearer than its start by more than its end is from there.
         let start = curve.start();
         let skipped = matches!(curve, Curve::Line(_))
-            && norm(&start, point) - norm(&start, &curve.end()) >= nearest;
+            && norm(&start, point) - norm(&start, &curve.end()) >= nearest.away;
         if !skipped {
-            let (away, s) = foot(curve, point, &range);
-            if away < nearest {
-                (nearest, place) = (away, curve.at(s).q);
+            let (away, along) = foot(curve, point, &range);
+            if away < nearest.away {
+                let place = curve.at(along).q;
+                nearest = Foot {
+                    away,
+                    tag,
+                    along,
+                    place,
+                };
             }
         }
     };
@@ -284,8 +324,9 @@ fn from_stretch(
     {
         let curve = motion.curve();
         let length = curve.length();
-        look(&curve, (length - left).max(0.0)..length);
-        (tag, left) = (tag - 1, left - length);
+        tag -= 1;
+        look(tag, &curve, (length - left).max(0.0)..length);
+        left -= length;
     }
     let (mut tag, mut left) = (from.tag, behind - length);
     while left > 0.0
@@ -293,10 +334,11 @@ fn from_stretch(
     {
         let curve = motion.curve();
         let length = curve.length();
-        look(&curve, 0.0..left.min(length));
-        (tag, left) = (tag + 1, left - length);
+        tag += 1;
+        look(tag, &curve, 0.0..left.min(length));
+        left -= length;
     }
-    Some((nearest, place))
+    Some(nearest)
 }
 
 /// Distance of `point` from `curve`, mm; exact for points nearer than the curve's radius.

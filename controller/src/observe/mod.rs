@@ -79,7 +79,6 @@ use record::{Place, Report, Violation};
 use sent::SentSetpoints;
 use std::fmt;
 use std::io;
-use std::ops::RangeInclusive;
 use std::time::Duration;
 use summary::{AxisSummary, BusSummary, Stopped, Summary, Times};
 use switched::Switched;
@@ -105,9 +104,8 @@ pub struct Observed<'a> {
     pub waits: bool,
     /// The program's moves about here.
     pub moves: &'a Moves,
-    /// The tags of the moves that setpoint and tool may be on; `None` while the axes are off the
-    /// path.
-    pub tags: Option<&'a RangeInclusive<u32>>,
+    /// The tag of the move that the path has come to; `None` while the axes are off the path.
+    pub tag: Option<u32>,
 }
 
 /// All that is kept about a run.

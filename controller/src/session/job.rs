@@ -2,15 +2,11 @@
 
 use crate::control::Row;
 use crate::machine::{COORDINATES, Position};
-use crate::observe::deviation::AHEAD;
 use crate::program::{ModalState, Moves};
-use std::ops::RangeInclusive;
 use syncline_gcode::Place;
 
-/// The tool follows later than the setpoint: it may be on what that was on so many rows before …
+/// The tool follows later than the setpoint: it may be on what that was on so many rows before.
 const ROWS_BEHIND: usize = 8;
-/// … and on so many moves before that.
-const MOVES_BEHIND: u32 = AHEAD;
 /// Moves that are kept behind the setpoint's: the path may go back along them.
 const KEPT: u32 = 4096;
 
@@ -23,8 +19,8 @@ pub(super) struct Job {
     pub(super) line: u32,
     /// What is in effect in it, once a move is at work.
     pub(super) modal: Option<ModalState>,
-    /// Tags of the moves that setpoint and tool may be on; `None` off the path.
-    pub(super) tags: Option<RangeInclusive<u32>>,
+    /// Of the move that the path has come to; `None` off the path.
+    pub(super) tag: Option<u32>,
     /// Of the moves at the last rows, the newest first.
     last: [u32; ROWS_BEHIND],
     /// The path has moved.
@@ -49,7 +45,7 @@ impl Job {
             moves,
             line: 0,
             modal: None,
-            tags: None,
+            tag: None,
             last: [0; ROWS_BEHIND],
             has_moved: false,
             rested: false,
@@ -114,7 +110,7 @@ impl Job {
     /// Follows the setpoint along the program; whether something else comes into effect there.
     pub(super) fn follow(&mut self, row: &Row<COORDINATES>) -> bool {
         self.moves.take_up();
-        self.tags = None;
+        self.tag = None;
         if self.over && row.plan.speed == 0.0 {
             self.moves = Moves::new().1;
         }
@@ -153,10 +149,7 @@ impl Job {
             if !self.rested && !self.dwelt {
                 self.line = motion.line;
             }
-            let (first, last) = self.last.iter().fold((tag, tag), |(first, last), &of| {
-                (first.min(of), last.max(of))
-            });
-            self.tags = Some(first.saturating_sub(MOVES_BEHIND)..=last);
+            self.tag = Some(tag);
         }
         changes
     }

@@ -697,7 +697,7 @@ impl Desk {
             line: self.job.line,
             waits: self.status.waits,
             moves: &self.job.moves,
-            tags: self.job.tags.as_ref(),
+            tag: self.job.tag,
         });
         self.show_tool(row.functions.tool);
         if let Some(recorder) = &mut self.recorder {

@@ -647,4 +647,62 @@ proptest! {
         let [whole, drives] = ["contour_error", "drive_deviation"].map(|of| number(&found, &format!("/path/max_{of}_mm")));
         prop_assert!(drives <= whole + 1e-9, "{drives} of {whole}");
     }
+
+    /// Lines, arcs, full circles, helices and splines cross each other anywhere, whatever rounds them: what crosses from elsewhere
+    /// is no part of the error.
+    #[test]
+    fn what_crosses_from_elsewhere_makes_no_error(
+        tolerance in 2..20_u32,
+        method in prop::sample::select(vec!["", "clock", "coordinates"]),
+        moves in prop::collection::vec((0..6_u32, prop::array::uniform2(-40..41_i32)), 4..10),
+    ) {
+        let mut program = format!("G64 P0.{tolerance:02} F6000\nG0 X-50 Y-50\n");
+        for (kind, [x, y]) in moves {
+            let centre = (f64::from(x) / 4.0, f64::from(y) / 4.0);
+            program += &match kind {
+                0 if [x, y] != [0, 0] => format!("G2 I{} J{}\n", centre.0, centre.1),
+                1 if [x, y] != [0, 0] => format!("G3 I{} J{} Z1 P2\nG1 Z0\n", centre.0, centre.1),
+                2 => format!("G2 X{x} Y{y} R120\n"),
+                3 => format!("G5 I{x} J{y} P{y} Q{} X{y} Y{x}\n", -x),
+                _ => format!("G1 X{x} Y{y}\n"),
+            };
+        }
+        let shaper = match method {
+            "" => String::new(),
+            _ => format!("\n[shaper]\nkind = \"zv\"\nmethod = \"{method}\"\nmodes = [[8.0, 0.02]]\n"),
+        };
+        let found = validated(&shaper, &[], &(program.clone() + "M2\n"));
+        prop_assert_eq!(&found["violations"], &Value::Array(Vec::new()), "{}{}", shaper, program);
+        let of = |key| number(&found, &format!("/path/max_{key}_mm"));
+        let [whole, rounding, drives] = ["contour_error", "deviation", "drive_deviation"].map(of);
+        prop_assert!(whole <= rounding + drives + 1e-6, "{whole} {rounding} {drives}\n{program}");
+    }
+
+    /// A later move through the very place where a corner is rounded most hides nothing of the rounding.
+    #[test]
+    fn what_crosses_a_rounding_hides_nothing_of_it(
+        tolerance in 2..20_u32,
+        angle in 60..150_u32,
+        across in 0..180_u32,
+        moves_between in 0..4_u32,
+    ) {
+        let tolerance = f64::from(tolerance) * 0.01;
+        let (sin, cos) = f64::from(angle).to_radians().sin_cos();
+        let corner = format!("G64 P{tolerance}\nG0 X-50 Y0\nG1 F6000 X0\nX{} Y{}\nG4 P0.01\nG61\n", -50.0 * cos, 50.0 * sin);
+        let rounded = |rest: &str| {
+            let found = validated("", &[], &format!("{corner}{rest}M2\n"));
+            let deviation = number(&found, "/path/max_deviation_mm");
+            (deviation, number(&found, "/path/max_contour_error_mm"))
+        };
+        let alone = rounded("");
+        prop_assert!(alone.0 > 0.05 * tolerance, "{} of {tolerance}", alone.0);
+        // The rounding's middle is off the corner, half way between the two lines.
+        let (y, x) = (0.5 * f64::from(angle)).to_radians().sin_cos();
+        let off = alone.0 / y;
+        let (dy, dx) = f64::from(across).to_radians().sin_cos();
+        let through = |by: f64| format!("X{} Y{}\n", by * dx - off * x, by * dy + off * y);
+        let between = "Z-1\nZ0\n".repeat(moves_between as usize);
+        let crossed = rounded(&format!("{between}{}{}", through(30.0), through(-30.0)));
+        prop_assert!((crossed.0 - alone.0).abs() < 1e-9 && crossed.1 >= alone.1 - 1e-9, "{crossed:?}, alone {alone:?}");
+    }
 }

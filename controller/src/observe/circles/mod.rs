@@ -212,11 +212,9 @@ impl Circles {
         violations: &mut Kept<Violation>,
     ) {
         let plan = &observed.row.plan;
-        let tag = observed.tags.is_some();
-        let tag = tag.then(|| observed.moves.at(plan.tag, plan.distance));
-        if tag != self.tag {
-            self.tag = tag;
-            let motion = tag.and_then(|tag| observed.moves.motion(tag));
+        if observed.tag != self.tag {
+            self.tag = observed.tag;
+            let motion = self.tag.and_then(|tag| observed.moves.motion(tag));
             let circle = motion.and_then(|it| it.circle(SAME));
             if plan.off_path {
                 // Jogging: what the tool had come to is no circle.
