@@ -132,6 +132,7 @@ fn columns(report: Report) -> PyResult<Columns> {
         for (what, unit, values) in [
             ("set", position, axis.set),
             ("act", position, axis.act),
+            ("tool", position, axis.tool),
             ("velocity", velocity, axis.velocity),
             ("acceleration", acceleration, axis.acceleration),
             ("jerk", jerk, axis.jerk),

@@ -224,7 +224,8 @@ impl<'a> Stage<'a> {
             VirtualMachine::staying_on(world, ports.collect(), Arc::clone(layout), shared);
         // Nothing is written to the tables: a case begins with what it is alone.
         let programs = Programs::new(machine, &folder.path("machine.toml"))?;
-        let observers = Observers::new(machine, Some(sent), wanted.trace, wanted.report);
+        let observers =
+            Observers::new(machine, Some(sent), wanted.trace, wanted.report).seeing_drives(machine);
         let mut session = Session::staying_on(layout, timeline, programs, observers);
         let told = session.subscribe();
         let attendant = case.patience.map(|patience| {

@@ -71,7 +71,8 @@ impl Scripted<'_> {
         let timeline = VirtualMachine::switched_on(&machine, Arc::clone(&layout), self.seed)?;
         logs.record_virtual(&machine, timeline.frames())?;
         let sent = Some(timeline.frames().listen(&machine));
-        let observers = Observers::new(&machine, sent, results.trace()?, false);
+        let observers =
+            Observers::new(&machine, sent, results.trace()?, false).seeing_drives(&machine);
         let mut session = Session::staying_on(&layout, timeline, programs, observers);
         let commands = commands.map(|file| {
             let beside = Tables::beside(self.machine);

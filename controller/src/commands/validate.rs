@@ -210,6 +210,7 @@ impl Args {
         logs.record_virtual(&machine, timeline.frames())?;
         let sent = Some(timeline.frames().listen(&machine));
         let observers = Observers::new(&machine, sent, results.trace()?, results.wants_report())
+            .seeing_drives(&machine)
             .of_program(extent)
             .bounded_by(time_bounds);
         let mut session = Session::new(&layout, timeline, moves, observers);

@@ -109,8 +109,8 @@ impl Cursor {
         (best, away)
     }
 
-    /// Distance of a position from the actual path within `reach` of the setpoints' path around here.
-    pub(super) fn beside_actual(self, motion: &Motion, position: &[f64], reach: f64) -> f64 {
+    /// Distance of a position from the tool's path within `reach` of the setpoints' path around here.
+    pub(super) fn beside_tool(self, motion: &Motion, position: &[f64], reach: f64) -> f64 {
         let stations = &motion.stations;
         let here = self.along(motion);
         let before = stations[..=self.station].iter().rev();
@@ -119,9 +119,9 @@ impl Cursor {
         let behind = behind.take_while(|it| it.along <= here + reach).count();
         let first = (self.station + 1).saturating_sub(before + 1);
         let last = (self.station + behind).min(stations.len() - 1);
-        let mut nearest = (apart(&stations[first].act, position), first);
+        let mut nearest = (apart(&stations[first].tool, position), first);
         for station in first..last {
-            let [one, next] = [station, station + 1].map(|at| &stations[at].act);
+            let [one, next] = [station, station + 1].map(|at| &stations[at].tool);
             let part = foot(one, next, position).clamp(0.0, 1.0);
             let away = apart(&between(one, next, part), position);
             if away < nearest.0 {
@@ -138,12 +138,12 @@ impl Cursor {
 /// between samples would lie beside an arc.
 fn from_curve(stations: &[Station], station: usize, position: &[f64]) -> f64 {
     let last = stations.len() - 1;
-    let act = |at: usize| &stations[at.min(last)].act;
+    let tool = |at: usize| &stations[at.min(last)].tool;
     let around = [
-        act(station.saturating_sub(1)),
-        act(station),
-        act(station + 1),
-        act(station + 2),
+        tool(station.saturating_sub(1)),
+        tool(station),
+        tool(station + 1),
+        tool(station + 2),
     ];
     let away = |t: f64| {
         let weights = [

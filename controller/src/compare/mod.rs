@@ -152,7 +152,7 @@ impl Comparison {
                 of.greatest.look(difference.abs(), place);
                 lag = following.iter().fold(lag, |most, it| most.max(it.abs()));
             }
-            let away = cursor.beside_actual(&other, &it.act, 2.0 * lag + REACH);
+            let away = cursor.beside_tool(&other, &it.tool, 2.0 * lag + REACH);
             path.look(off, place);
             if off > ELSEWHERE {
                 off_path_at.get_or_insert(place);

@@ -17,6 +17,8 @@ pub(super) struct Station {
     pub(super) set: Vec<f64>,
     /// Actual position when it was left, mm or degrees.
     pub(super) act: Vec<f64>,
+    /// Where the tool was then, mm or degrees.
+    pub(super) tool: Vec<f64>,
     /// Length of the setpoints' path up to here, all axes together.
     pub(super) along: f64,
 }
@@ -56,7 +58,8 @@ impl Motion {
         for (row, (&time, &line)) in report.time.iter().zip(&report.line).enumerate() {
             let set = report.axes.iter().map(|axis| axis.set[row]).collect();
             let act = report.axes.iter().map(|axis| axis.act[row]).collect();
-            motion.push(time, line, set, act);
+            let tool = report.axes.iter().map(|axis| axis.tool[row]).collect();
+            motion.push(time, line, set, [act, tool]);
         }
         motion.moving()
     }
@@ -75,10 +78,12 @@ impl Motion {
             names.map(|name| recording.column(&name)).collect()
         };
         let (set, act) = (columns("set")?, columns("act")?);
+        // Of a run on drives that were not simulated, or that nothing gives way of, it is where the axes are.
+        let tool = columns("tool").unwrap_or_else(|_| act.clone());
         let mut motion = Self::new(file.display().to_string(), axes.clone());
         for (row, (&time, &line)) in time.iter().zip(line).enumerate() {
             let of = |columns: &[&[f64]]| columns.iter().map(|column| column[row]).collect();
-            motion.push(time, line as u32, of(&set), of(&act));
+            motion.push(time, line as u32, of(&set), [of(&act), of(&tool)]);
         }
         motion.moving()
     }
@@ -92,10 +97,10 @@ impl Motion {
     }
 
     /// Appends a row.
-    pub(super) fn push(&mut self, time: f64, line: u32, set: Vec<f64>, act: Vec<f64>) {
+    pub(super) fn push(&mut self, time: f64, line: u32, set: Vec<f64>, [act, tool]: [Vec<f64>; 2]) {
         let along = match self.stations.last_mut() {
             Some(last) if last.set == set => {
-                (last.left, last.act) = (time, act);
+                (last.left, last.act, last.tool) = (time, act, tool);
                 return;
             }
             Some(last) => last.along + apart(&last.set, &set),
@@ -107,6 +112,7 @@ impl Motion {
             line,
             set,
             act,
+            tool,
             along,
         });
     }
@@ -127,9 +133,14 @@ impl Motion {
         let of = |values: &[f64]| places.iter().map(|&at| values[at]).collect();
         let mut motion = Self::new(self.name.clone(), names.to_vec());
         for it in &self.stations {
-            motion.push(it.arrived, it.line, of(&it.set), of(&it.act));
+            motion.push(
+                it.arrived,
+                it.line,
+                of(&it.set),
+                [of(&it.act), of(&it.tool)],
+            );
             if let Some(last) = motion.stations.last_mut() {
-                (last.left, last.act) = (it.left, of(&it.act));
+                (last.left, last.act, last.tool) = (it.left, of(&it.act), of(&it.tool));
             }
         }
         motion

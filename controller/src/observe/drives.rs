@@ -183,6 +183,11 @@ impl Drives {
         tool
     }
 
+    /// Whether the tool may be elsewhere than the axes say.
+    pub(super) fn give_way(&self) -> bool {
+        !self.structures.is_empty() || !self.transmissions.is_empty()
+    }
+
     /// How far the tool is from where X, Y and Z are at the next SYNC, mm.
     fn deflection(&self) -> f64 {
         let off = self.tool(&Position::default());

@@ -274,6 +274,11 @@ impl AxisWatches {
         self.referenced = false;
     }
 
+    /// Whether it is known where it is.
+    pub(super) fn is_referenced(&self) -> bool {
+        self.referenced
+    }
+
     /// Of its limits only that of its following error is judged, and whether it is sent what is planned.
     pub(super) fn judge_following(&mut self) {
         self.judges_setpoints = false;

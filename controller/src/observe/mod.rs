@@ -102,6 +102,8 @@ pub struct Observed<'a> {
     pub line: u32,
     /// At rest until an operator goes on.
     pub waits: bool,
+    /// No job is at work, and nothing is asked for.
+    pub idle: bool,
     /// The program's moves about here.
     pub moves: &'a Moves,
     /// The tag of the move that the path has come to; `None` while the axes are off the path.
@@ -193,6 +195,16 @@ impl Observers {
     #[must_use]
     pub fn of_program(mut self, extent: Option<Extent>) -> Self {
         self.extent = extent;
+        self
+    }
+
+    /// The simulated drives are seen in every cycle ([`observe_drives`](Self::observe_drives)): the trace has where the tool is, too, where
+    /// that is not where the axes say.
+    #[must_use]
+    pub fn seeing_drives(mut self, machine: &Machine) -> Self {
+        if let Some(trace) = self.trace.as_mut().filter(|_| self.drives.give_way()) {
+            trace.tell_tool(machine);
+        }
         self
     }
 
@@ -299,10 +311,11 @@ impl Observers {
         }
         if let Some(report) = &mut self.report {
             let coordinates = self.axes.iter().map(|axis| axis.coordinate);
-            report.push(time, line, row, counted, off_path, coordinates);
+            let at = Place { time, line };
+            report.push(at, row, counted, off_path, &tool, coordinates);
         }
         if let Some(trace) = &mut self.trace {
-            trace.push(time, observed);
+            trace.push(time, observed, &tool);
         }
         if let Some(axis_log) = &self.axis_log {
             axis_log.push(time, row);
@@ -375,7 +388,8 @@ impl Observers {
             jogging_s: self.seconds(cycles.jogs),
             awaiting_s: self.seconds(cycles.awaits),
             planning_s: self.seconds(cycles.planning),
-            settling_s: self.seconds(cycles.settling),
+            settling_s: self.seconds(cycles.settling + cycles.settled),
+            idle_s: self.seconds(cycles.idle),
         }
     }
 
@@ -438,9 +452,13 @@ impl Observers {
             }
             _ => None,
         };
-        let position = machine.axes.iter();
-        let position = position.map(|axis| (axis.name(), self.position[axis.letter.index()]));
-        let left = self.extent.map(|extent| {
+        let axes = (machine.axes.iter()).zip(self.axes.iter().map(AxisWatches::is_referenced));
+        let known = axes.clone().filter(|(_, is_referenced)| *is_referenced);
+        let position = known.map(|(axis, _)| (axis.name(), self.position[axis.letter.index()]));
+        let unreferenced = axes.filter(|(_, is_referenced)| !is_referenced);
+        // What a probing or an input decides is not known before.
+        let whole = self.extent.filter(|extent| extent.known_to.is_none());
+        let left = whole.map(|extent| {
             let length = extent.length - self.travel.length_mm;
             let turned = extent.turned - self.travel.turned_deg;
             [length, turned].map(|left| left.max(0.0))
@@ -458,6 +476,7 @@ impl Observers {
                 )))
             ),
             position: position.collect(),
+            unreferenced: unreferenced.map(|(axis, _)| axis.name()).collect(),
             left_mm: left.map(|[length, _]| length),
             left_deg: left.map_or(0.0, |[_, turned]| turned),
         }

@@ -4,7 +4,7 @@ use super::deviation::OffPath;
 use super::summary::Summary;
 use super::timing::Distribution;
 use crate::control::Row;
-use crate::machine::{AxisLimits, COORDINATES, Machine};
+use crate::machine::{AxisLimits, COORDINATES, Machine, Position};
 use serde::Serialize;
 
 /// One run or validation.
@@ -125,6 +125,9 @@ pub struct AxisReport {
     pub set: Vec<f64>,
     /// Actual position, mm.
     pub act: Vec<f64>,
+    /// Where the tool is along it: what twists, has play or a lead error, grows with warmth or sways is no part of the actual
+    /// position; mm.
+    pub tool: Vec<f64>,
     /// Of the plan, mm/s.
     pub velocity: Vec<f64>,
     /// Of the plan, mm/s².
@@ -153,14 +156,14 @@ impl Report {
     }
 
     /// Appends a row: its time, the program's line, the speed as F counts it and whether that is
-    /// of a turn, how far setpoint and tool are off the path; `coordinates` are those of the axes.
+    /// of a turn, how far setpoint and tool are off the path, and where the tool is; `coordinates` are those of the axes.
     pub(super) fn push(
         &mut self,
-        time: f64,
-        line: u32,
+        Place { time, line }: Place,
         row: &Row<COORDINATES>,
         (speed, turns): (f64, bool),
         off_path: Option<OffPath>,
+        tool: &Position,
         coordinates: impl Iterator<Item = usize>,
     ) {
         self.time.push(time);
@@ -186,6 +189,7 @@ impl Report {
         for (axis, at) in self.axes.iter_mut().zip(coordinates) {
             axis.set.push(row.axes[at].set);
             axis.act.push(row.axes[at].act);
+            axis.tool.push(tool[at]);
             axis.velocity.push(row.plan.velocity[at]);
             axis.acceleration.push(row.plan.acceleration[at]);
             axis.jerk.push(row.plan.jerk[at]);

@@ -113,7 +113,7 @@ pub struct Summary {
 /// Where a run stopped that did not come to its end.
 #[derive(Clone, Debug, Serialize)]
 pub struct Stopped {
-    /// The line of the block at work.
+    /// The line of the block at work; 0 before the first.
     pub line: u32,
     /// The axis whose fault it was, or a drive of it had.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -121,8 +121,11 @@ pub struct Stopped {
     /// A setpoint of samples that others have planned was beyond a limit, and was not sent.
     #[serde(skip_serializing_if = "is_zero")]
     pub sample_refused: bool,
-    /// Where each axis was seen last, machine coordinates, mm or degrees.
+    /// Where each axis was seen last that has a reference, machine coordinates, mm or degrees.
     pub position: BTreeMap<&'static str, f64>,
+    /// The axes that have none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub unreferenced: Vec<&'static str>,
     /// What is left of the program, as F counts it, mm; nothing where it was not read before.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub left_mm: Option<f64>,
@@ -173,8 +176,10 @@ pub struct Times {
     pub jogging_s: f64,
     /// Rest before the first motion or in between, until there was a plan.
     pub planning_s: f64,
-    /// Rest in the end, until the axes were in position.
+    /// Rest in the end of a job, until the axes were in position.
     pub settling_s: f64,
+    /// Rest while no job was at work.
+    pub idle_s: f64,
 }
 
 impl Times {
@@ -183,7 +188,7 @@ impl Times {
     pub fn sum(&self) -> f64 {
         let moving = self.motion_s + self.jogging_s;
         let resting = self.dwell_s + self.waiting_s + self.awaiting_s;
-        moving + resting + self.planning_s + self.settling_s
+        moving + resting + self.planning_s + self.settling_s + self.idle_s
     }
 
     /// All but motion, as a person reads it; nothing where there is none.
@@ -196,6 +201,7 @@ impl Times {
             ("jogging", self.jogging_s),
             ("waiting for a plan", self.planning_s),
             ("settling", self.settling_s),
+            ("without a job", self.idle_s),
         ];
         let others = others.into_iter().filter(|(_, time)| *time > 0.0);
         let others: Vec<_> = others
@@ -689,9 +695,23 @@ impl fmt::Display for StructureSummary {
 /// As a person reads it.
 impl fmt::Display for Stopped {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "in line {} at", self.line)?;
-        for (axis, position) in &self.position {
-            write!(f, " {axis}{position:.4}")?;
+        match self.line {
+            0 => f.write_str("before the first line")?,
+            line => write!(f, "in line {line}")?,
+        }
+        let position = self.position.iter();
+        let position: Vec<_> = position
+            .map(|(axis, at)| format!("{axis}{at:.4}"))
+            .collect();
+        if !position.is_empty() {
+            write!(f, " at {}", position.join(" "))?;
+        }
+        if !self.unreferenced.is_empty() {
+            write!(
+                f,
+                ", without a reference of {}",
+                self.unreferenced.join(", ")
+            )?;
         }
         if let Some(left) = self.left_mm {
             let left = PathSummary {

@@ -4,7 +4,7 @@ use super::Observed;
 use super::switched::running;
 use crate::control::spindle::turning;
 use crate::control::{MachineFunctions, MeasuredSample, SpindleSample};
-use crate::machine::Machine;
+use crate::machine::{Machine, Position};
 use std::fmt::Write as _;
 use std::io::{self, Write};
 use syncline_gcode::{ANALOG_OUTPUTS, Outputs};
@@ -23,14 +23,18 @@ pub(super) struct Trace {
     analog_inputs: usize,
     /// How many encoders are on shafts of their own.
     measured: usize,
+    /// Each row has where the tool is, too.
+    tells_tool: bool,
     row: String,
+    /// What stands above the rows, until it is written.
+    header: Option<String>,
     /// Nothing is written behind the first failure.
     written: io::Result<()>,
 }
 
 impl Trace {
     /// A trace with its header.
-    pub(super) fn begin(mut file: Sink, machine: &Machine) -> Self {
+    pub(super) fn begin(file: Sink, machine: &Machine) -> Self {
         let mut header = "t_s,line".to_owned();
         for axis in &machine.axes {
             // Writing to a string does not fail.
@@ -45,9 +49,8 @@ impl Trace {
             let _ = write!(header, ",analog_input_{}", input.number);
         }
         header += &measured_columns(machine);
-        header.push('\n');
         Self {
-            written: file.write_all(header.as_bytes()),
+            written: Ok(()),
             file,
             coordinates: (machine.axes.iter())
                 .map(|axis| axis.letter.index())
@@ -55,12 +58,25 @@ impl Trace {
             has_spindle,
             analog_inputs: machine.analog_inputs.len(),
             measured: machine.measured().count(),
-            row: header,
+            tells_tool: false,
+            row: String::new(),
+            header: Some(header),
+        }
+    }
+
+    /// Each row has where the tool is along each axis, too.
+    pub(super) fn tell_tool(&mut self, machine: &Machine) {
+        self.tells_tool = true;
+        if let Some(header) = &mut self.header {
+            for axis in &machine.axes {
+                let _ = write!(header, ",{}_tool", axis.name());
+            }
         }
     }
 
     /// Appends a row.
-    pub(super) fn push(&mut self, time: f64, observed: &Observed) {
+    pub(super) fn push(&mut self, time: f64, observed: &Observed, tool: &Position) {
+        self.write_header();
         let text = &mut self.row;
         text.clear();
         let _ = write!(text, "{time},{}", observed.line);
@@ -76,14 +92,27 @@ impl Trace {
             let _ = write!(text, ",{value}");
         }
         write_measured(text, &observed.row.measured[..self.measured]);
+        if self.tells_tool {
+            for &coordinate in &self.coordinates {
+                let _ = write!(text, ",{}", tool[coordinate]);
+            }
+        }
         text.push('\n');
         if self.written.is_ok() {
             self.written = self.file.write_all(text.as_bytes());
         }
     }
 
+    /// Writes what stands above the first row, once.
+    fn write_header(&mut self) {
+        if let Some(header) = self.header.take() {
+            self.written = writeln!(self.file, "{header}");
+        }
+    }
+
     /// Writes what is still to be written.
     pub(super) fn finish(mut self) -> io::Result<()> {
+        self.write_header();
         self.written?;
         self.file.flush()
     }

@@ -39,6 +39,10 @@ pub(super) struct Cycles {
     pub(super) planning: u64,
     /// It has rested since the last of the others: until the axes were in position.
     pub(super) settling: u64,
+    /// The same of jobs that are over.
+    pub(super) settled: u64,
+    /// No job was at work.
+    pub(super) idle: u64,
 }
 
 impl Cycles {
@@ -50,6 +54,9 @@ impl Cycles {
             &mut self.jogs
         } else if plan.speed > 0.0 || moved || (by_itself && !plan.off_path) {
             &mut self.motion
+        } else if observed.idle {
+            self.settled += std::mem::take(&mut self.settling);
+            &mut self.idle
         } else if observed.waits {
             &mut self.waits
         } else if plan.busy && !threads {
@@ -81,14 +88,11 @@ impl Travel {
     /// is of a turn.
     pub(super) fn observe(&mut self, observed: &Observed, counted: (f64, bool)) {
         let row = observed.row;
+        let before = self.cycles.motion;
+        // The move's last step ends at rest.
         self.cycles.observe(observed, self.last.speed > 0.0);
-        if row.plan.speed > 0.0 {
+        if self.cycles.motion > before {
             let (first, _) = self.motion.unwrap_or((row.cycle.saturating_sub(1), 0));
-            self.motion = Some((first, row.cycle));
-        } else if let Some((first, _)) = self.motion
-            && self.last.speed > 0.0
-        {
-            // The move's last step ends at rest.
             self.motion = Some((first, row.cycle));
         }
         self.measure(observed, counted);
@@ -130,8 +134,12 @@ impl Travel {
                 (false, false) => [share, 0.0],
             };
         }
-        let [mut length, mut angle] = shares.map(|share| share * distance);
-        if (shares[1] > 0.0) != (before[1] > 0.0) && distance != 0.0 {
+        // The way to where a program is begun is none of its path.
+        let motion = observed.tag.and_then(|tag| observed.moves.motion(tag));
+        let programmed = motion.is_none_or(|motion| motion.is_programmed);
+        let counts = if programmed { distance } else { 0.0 };
+        let [mut length, mut angle] = shares.map(|share| share * counts);
+        if (shares[1] > 0.0) != (before[1] > 0.0) && counts != 0.0 {
             // The end of one and the beginning of the other, with a rest between.
             let [tool, other, turn] = step();
             length = if tool > 0.0 { tool } else { other };

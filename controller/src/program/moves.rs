@@ -45,7 +45,7 @@ pub struct ProgramMove {
     /// Program line.
     pub line: u32,
     /// A command in that line asks for it, and not the way to where the program is begun.
-    is_programmed: bool,
+    pub is_programmed: bool,
     /// How many commands of the program come before it.
     passed: u64,
     shape: Shape,

@@ -93,7 +93,7 @@ impl ToolPath {
         let times = round_down(MAGNIFIED * wide.fold(0.0, f64::max) / most.max(1e-9));
         let beside = |n: usize, times: f64| -> Point {
             let off = report.off_path[n];
-            [0, 1, 2].map(|at| axes[at].map_or(0.0, |axis| axis.act[n] + (times - 1.0) * off[at]))
+            [0, 1, 2].map(|at| axes[at].map_or(0.0, |axis| axis.tool[n] + (times - 1.0) * off[at]))
         };
         let points = rows.iter().map(|&n| beside(n, times)).collect();
         let cutting = rows.iter().map(|&n| report.cutting.get(n) == Some(&true));
@@ -524,7 +524,7 @@ mod tests {
                 off[axes..].fill(0.0);
                 for (at, axis) in report.axes.iter_mut().enumerate() {
                     axis.set.push(place[at]);
-                    axis.act.push(place[at] + off[at]);
+                    axis.tool.push(place[at] + off[at]);
                 }
                 report.time.push(report.time.len() as f64);
                 report.cutting.push(true);

@@ -59,7 +59,7 @@ fn picture(report: &Report, time: f64) -> Option<String> {
     // The programmed place is what the tool is off from.
     let programmed = |n: usize| -> [f64; 3] {
         let off = report.off_path[n];
-        [0, 1, 2].map(|at| axes[at].map_or(0.0, |axis| axis.act[n] - off[at]))
+        [0, 1, 2].map(|at| axes[at].map_or(0.0, |axis| axis.tool[n] - off[at]))
     };
     let points: Vec<[f64; 3]> = rows.iter().map(|&n| programmed(n)).collect();
     let size = |at: usize| {

@@ -696,6 +696,7 @@ impl Desk {
             actual,
             line: self.job.line,
             waits: self.status.waits,
+            idle: matches!(self.state, State::Ready | State::Faulted | State::Disabled),
             moves: &self.job.moves,
             tag: self.job.tag,
         });
@@ -706,7 +707,7 @@ impl Desk {
         self.functions = row.functions;
         let motion = self.job.moves.motion(row.plan.tag);
         let ahead = motion.filter(|_| row.plan.busy && !row.plan.off_path);
-        let target = ahead.map_or(row.plan.position, |motion| motion.curve().end());
+        let target = ahead.map(|motion| motion.curve().end());
         let remaining = (self.remaining.as_mut())
             .and_then(|remaining| remaining.at(row.plan.distance, &self.settings));
         self.status = Status {

@@ -59,8 +59,8 @@ pub struct Status {
     pub off_path: bool,
     /// Path speed that is asked for, after overrides, mm/s or °/s; `None` for a rapid.
     pub feed: Option<f64>,
-    /// Where the move ends that the setpoints are on, mm and degrees.
-    pub target: [f64; COORDINATES],
+    /// Where the move ends that the setpoints are on, mm and degrees; `None` where they are on none, or where that is not known.
+    pub target: Option<[f64; COORDINATES]>,
     /// The tool in the spindle.
     pub tool: u32,
     /// What the tables call it.
@@ -131,7 +131,7 @@ impl Default for Status {
             waiting: None,
             off_path: false,
             feed: Some(0.0),
-            target: [0.0; COORDINATES],
+            target: None,
             tool: 0,
             tool_name: String::new(),
             spindle: Spindle::default(),

@@ -120,6 +120,34 @@ fn a_recording_shows_where_the_model_is_wrong() {
     assert!(number(&json, "/difference_s").abs() < 1e-6, "{json:#}");
 }
 
+/// Two machines with play, of which one takes it up: their axes say the same, and their tools are apart by the play behind a
+/// reversal. A trace has that, too.
+#[test]
+fn tools_are_compared_where_play_has_them() {
+    let side = Side::new();
+    let [screw, play] =
+        ["transmission=\"screw\"", "play=0.04"].map(|it| format!("axis.X.simulation.{it}"));
+    let takes_up = "axis.X.backlash=0.04";
+    let reversing = "G61.1 F6000\nG1 X60 Y10\nG1 X20\nG1 Y60\nG1 X0 Y0\nM2\n";
+    let program = side.folder.file("program.ngc", reversing);
+    let first = side.recorded("first.csv", &[&screw, &play]);
+    let recorded = [&first, &program].map(|first| {
+        let mut settings: Vec<&str> = Vec::new();
+        if !first.ends_with("first.csv") {
+            settings.extend(["--set-first", &screw, "--set-first", &play]);
+        }
+        for setting in [&*screw, &*play, takes_up] {
+            settings.extend(["--set-second", setting]);
+        }
+        let (code, json, errors) = side.compare(first, &program, &settings);
+        assert_eq!(code, 0, "{errors}");
+        let apart = number(&json, "/max_contour_difference_mm");
+        assert!((0.02..0.045).contains(&apart), "{json:#}");
+        apart
+    });
+    assert!((recorded[0] - recorded[1]).abs() < 1e-9, "{recorded:?}");
+}
+
 /// Programs by their feed, machine files by their limits, shapers by what they cost: by line and in all.
 #[test]
 fn programs_machines_and_shapers_are_compared_by_line() {

@@ -6,6 +6,10 @@ use std::path::Path;
 use syncline_tests::command::{Folder, ended, machine_with, syncline};
 
 /// The JSON of a validation, and what it prints.
+/// A probe at the Z drive of the xyz machine.
+const PROBE: &str =
+    "\n[[input]]\nname = \"probe\"\ndrive = \"up-down\"\nsignal = \"DI1\"\nfunction = \"probe\"\n";
+
 fn validate(machine: &Path, program: &Path, events: Option<&Path>) -> (Value, String) {
     let folder = Folder::new();
     let json = folder.path("result.json");
@@ -163,6 +167,94 @@ fn a_stop_says_where_it_was_and_what_was_left() {
         (&json["verdict"], &json["stopped"]),
         (&"pass".into(), &Value::Null)
     );
+}
+
+/// Behind a probing that a program waits for, nobody knows what is left.
+#[test]
+fn what_probings_decide_is_not_told_as_left() {
+    let folder = Folder::new();
+    let program = folder.file(
+        "p.ngc",
+        "G0 Z5\nG38.3 Z3 F600\nG1 X50 F1200\nY50\nX0\nY0\nM2\n",
+    );
+    let probe = folder.file("xyz.toml", &(machine_with("xyz", &[]) + PROBE));
+    for (time, line) in [(0.2, 2), (2.0, 3)] {
+        let events = folder.file("e.csv", &format!("t_s,event,value\n{time},stop,\n"));
+        let (json, printed) = validate(&probe, &program, Some(&events));
+        assert_eq!(json["stopped"]["line"], line, "{json:#}");
+        assert_eq!(json["stopped"]["left_mm"], Value::Null, "{json:#}");
+        assert!(!printed.contains("mm left"), "{printed}");
+    }
+}
+
+/// A stop while axes are homed is in no line, and has no position of those that are not yet.
+#[test]
+fn a_stop_while_axes_are_homed_has_no_positions() {
+    let folder = Folder::new();
+    let program = folder.file("p.ngc", "G1 X50 F6000\nM2\n");
+    let events = folder.file("e.csv", "t_s,event,value\n0.5,stop,\n");
+    let (json, printed) = validate(&folder.machine("router"), &program, Some(&events));
+    let stopped = &json["stopped"];
+    assert_eq!(stopped["position"], serde_json::json!({}), "{json:#}");
+    assert_eq!(
+        stopped["unreferenced"].as_array().unwrap().len(),
+        3,
+        "{json:#}"
+    );
+    assert!(
+        printed.contains("before the first line, without a reference of X, Y, Z"),
+        "{printed}"
+    );
+}
+
+/// The way to the line that a program is begun in is none of its path.
+#[test]
+fn what_was_left_counts_from_the_line_that_it_began_in() {
+    let folder = Folder::new();
+    let program = folder.file("p.ngc", "G1 X50 F6000\nG1 Y50\nG1 X0\nG1 Y0\nM2\n");
+    let events = folder.file("e.csv", "t_s,event,value\n1.1,stop,\n");
+    let machine = folder.machine("portal");
+    let begun = |events: Option<&Path>| {
+        let mut command = syncline();
+        command.args(["validate", "--json", "-", "--from-line", "3"]);
+        command.args(
+            events
+                .into_iter()
+                .flat_map(|it| [Path::new("--events"), it]),
+        );
+        let output = command.args([&machine, &program]).output().unwrap();
+        let (_, json, errors) = ended(&output);
+        serde_json::from_str::<Value>(json).unwrap_or_else(|error| panic!("{error}: {errors}"))
+    };
+    let whole = begun(None);
+    assert!(
+        (number(&whole, "/path/length_mm") - 100.0).abs() < 0.01,
+        "{whole:#}"
+    );
+    let stopped = begun(Some(&events));
+    assert_eq!(stopped["stopped"]["line"], 4, "{stopped:#}");
+    let [left, y] = ["/stopped/left_mm", "/stopped/position/Y"].map(|of| number(&stopped, of));
+    assert!(y > 1.0 && (left - y).abs() < 0.01, "{stopped:#}");
+}
+
+/// Between jobs nothing is waited for.
+#[test]
+fn rest_between_jobs_is_no_wait() {
+    let folder = Folder::new();
+    let events = folder.file(
+        "e.csv",
+        "t_s,event,value\n0,mdi,G0 X20\n20,mdi,G0 X0\n25,jog_to,X10\n40,mdi,G0 X5\n",
+    );
+    let mut command = syncline();
+    let command = command
+        .args(["validate", "--json", "-", "--events"])
+        .arg(&events);
+    let output = command.arg(folder.machine("xyz")).output().unwrap();
+    let (_, json, errors) = ended(&output);
+    let json: Value =
+        serde_json::from_str(json).unwrap_or_else(|error| panic!("{error}: {errors}"));
+    let [idle, planning] = ["/times/idle_s", "/times/planning_s"].map(|of| number(&json, of));
+    assert!(idle > 35.0 && planning < 0.1, "{json:#}");
 }
 
 /// The worst place is where the greatest error was, the blocks that are slower than their feed are those that are programmed so, and

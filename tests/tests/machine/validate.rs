@@ -57,6 +57,11 @@ fn every_example_passes_inside_its_limits() {
         let duration = number(&json, "/duration_s");
         assert!(duration > 5.0 && duration <= 60.0, "{name}: {duration} s");
         assert!(duration <= cycles * trace.cycle, "{name}");
+        let moves = number(&json, "/times/motion_s");
+        assert!(
+            duration >= moves - 1e-9,
+            "{name}: {moves} s of {duration} s"
+        );
         assert_eq!(number(&json, "/late_setpoints"), 0.0);
         assert_eq!(json["frames_sha256"].as_str().unwrap().len(), 64);
         assert!(number(&json, "/path/length_mm") > 100.0);

@@ -309,10 +309,19 @@ fn explained(model: &Model, machine: &Machine) -> String {
         tell("rests", &waiting);
     }
     let (name, distances) = values::distances(model);
-    let distances = distances.iter();
-    let distances = distances
-        .map(|(axis, distance)| format!("{}{:.3}", axis.letter, values::rounded(*distance)));
-    tell(name, &distances.collect::<Vec<_>>().join(" "));
+    let distances: Vec<_> = distances
+        .iter()
+        .filter_map(|(axis, distance)| {
+            Some(format!(
+                "{}{:.3}",
+                axis.letter,
+                values::rounded((*distance)?)
+            ))
+        })
+        .collect();
+    if !distances.is_empty() {
+        tell(name, &distances.join(" "));
+    }
     for (name, what) in values::values(model) {
         tell(name, what.trim_end());
     }

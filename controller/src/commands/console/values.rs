@@ -86,15 +86,16 @@ pub(super) fn not_completed(status: &Status) -> Option<(String, Option<String>)>
     })
 }
 
-/// How far it is, by axis, and what to: where the move ends that the axes are on, or, without one of a program ahead, how far a jog goes on.
-pub(super) fn distances(model: &Model) -> (&'static str, Vec<(&Axis, f64)>) {
+/// How far it is, by axis, and what to: where the move ends that the axes are on, or, without one of a program ahead, how far a jog goes on;
+/// nothing for those of which that is not known.
+pub(super) fn distances(model: &Model) -> (&'static str, Vec<(&Axis, Option<f64>)>) {
     let status = &model.status;
     let jogs = matches!(status.state, State::Ready | State::Jogging) || status.off_path;
     let distance = |axis: &Axis| {
         let at = axis.letter.index();
         match jogs {
-            true => model.stopping_distance(axis),
-            false => status.target[at] - status.setpoint[at],
+            true => Some(model.stopping_distance(axis)),
+            false => status.target.map(|target| target[at] - status.setpoint[at]),
         }
     };
     let distances = model.axes.iter().map(|axis| (axis, distance(axis)));

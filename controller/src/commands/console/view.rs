@@ -139,6 +139,10 @@ fn position_rows(model: &Model) -> Vec<Line<'static>> {
     for (axis, distance) in distances {
         let at = axis.letter.index();
         let unit = if axis.letter.is_linear() { "" } else { "°" };
+        let distance = distance.map_or_else(
+            || "–".to_owned(),
+            |distance| format!("{:.3}", values::rounded(distance)),
+        );
         // Where nobody knows where it is, its positions count from where it was switched on.
         let mark = if referenced[at] { ' ' } else { '?' };
         rows.push(Line::from(vec![
@@ -148,9 +152,8 @@ fn position_rows(model: &Model) -> Vec<Line<'static>> {
                 values::rounded(work[at])
             )),
             Span::raw(format!(
-                "{:>14.3}{:>12.3}{unit}",
-                values::rounded(actual[at]),
-                values::rounded(distance)
+                "{:>14.3}{distance:>12}{unit}",
+                values::rounded(actual[at])
             )),
         ]));
     }
@@ -339,8 +342,9 @@ mod tests {
         status.offset[..3].copy_from_slice(&[400.0, 300.0, -52.3]);
         status.velocity[0] = 90.0;
         status.setpoint = status.actual;
-        status.target = status.actual;
-        status.target[0] -= 87.654;
+        let mut target = status.actual;
+        target[0] -= 87.654;
+        status.target = Some(target);
         status.spindle.speed = 12000.0;
         status.spindle.turning = Turning::Clockwise;
         let portal = "../examples/portal/machine.toml".as_ref();
@@ -470,7 +474,7 @@ mod tests {
         model.status.actual = [-0.0004; 9];
         model.status.offset = [0.0; 9];
         model.status.setpoint = [1e-9; 9];
-        model.status.target = [0.0; 9];
+        model.status.target = Some([0.0; 9]);
         let screen = drawn(&model, 80, 24);
         assert!(
             screen.contains(" 0.000 ") && !screen.contains("-0.000"),
