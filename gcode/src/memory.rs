@@ -66,32 +66,36 @@ impl Memory {
     /// What is set otherwise than on a machine that was just switched on: what [`begin_program`](Self::begin_program) resets, but for
     /// motion, and what stays, but for F, path mode, spindle, coolant and tool.
     pub fn unlike_fresh(&self) -> Unlike {
-        let (now, fresh) = (&self.modes, Modes::default());
-        let pick = |codes: &[(String, bool)]| {
-            let unlike = codes.iter().filter(|(_, is_unlike)| *is_unlike);
-            unlike.map(|(code, _)| code.clone()).collect()
-        };
+        let mut begun = self.clone();
+        begun.begin_program();
         Unlike {
-            reset: pick(&[
-                (now.plane.code().to_string(), now.plane != fresh.plane),
-                (
-                    now.work_offset_code().to_string(),
-                    now.work_offset != fresh.work_offset,
-                ),
-                ("G91".to_owned(), now.incremental),
-                (
-                    now.feed_mode.code().to_string(),
-                    now.feed_mode != fresh.feed_mode,
-                ),
-                ("the shift by G92 or G52".to_owned(), self.g92_applies),
-            ]),
-            stays: pick(&[
-                ("G20".to_owned(), now.inches),
-                ("G43".to_owned(), now.tool_length),
-                ("G90.1".to_owned(), now.absolute_centers),
-                ("G99".to_owned(), now.retract_to_r),
-            ]),
+            reset: self.codes_unlike(&begun),
+            stays: begun.codes_unlike(&Memory::default()),
         }
+    }
+
+    /// Of what is in effect, the codes of that which is otherwise in `other`.
+    fn codes_unlike(&self, other: &Memory) -> Vec<String> {
+        let both = self.codes().into_iter().zip(other.codes());
+        let unlike = both.filter(|(code, other)| code != other);
+        unlike.map(|(code, _)| code).collect()
+    }
+
+    /// What is in effect, as an operator is told it.
+    fn codes(&self) -> [String; 9] {
+        let modes = &self.modes;
+        let one_of = |is: bool, [one, other]: [&str; 2]| if is { one } else { other }.to_owned();
+        [
+            modes.plane.code().to_string(),
+            modes.work_offset_code().to_string(),
+            one_of(modes.incremental, ["G91", "G90"]),
+            modes.feed_mode.code().to_string(),
+            one_of(self.g92_applies, ["the shift by G92 or G52", "no shift"]),
+            one_of(modes.inches, ["G20", "G21"]),
+            one_of(modes.tool_length, ["G43", "G49"]),
+            one_of(modes.absolute_centers, ["G90.1", "G91.1"]),
+            one_of(modes.retract_to_r, ["G99", "G98"]),
+        ]
     }
 
     fn reset(&mut self, motion: Motion) {

@@ -224,17 +224,6 @@ impl Tables {
     pub fn probe(file: &Path) -> Result<(), TablesError> {
         save::probe(file)
     }
-
-    /// Writes what is different from the tables at the start, `since`, into a tables file, and leaves
-    /// all else in it as it is now. The file is replaced at once: after a power cut it is the old one
-    /// or the new one.
-    ///
-    /// # Errors
-    /// Somebody else has changed one of these values too; the file cannot be read, or it, or the one
-    /// beside it that is to replace it, cannot be written.
-    pub fn save(&self, file: &Path, since: &Tables) -> Result<(), TablesError> {
-        save::save(file, since, self, &Places::default())
-    }
 }
 
 /// The text of a tables file, if there is one.

@@ -24,7 +24,7 @@ pub fn moved(change: &Position) -> [f64; 3] {
 
 /// Of the speeds of what is [`moved`], the place of the one that F counts; `None` at rest.
 #[must_use]
-pub fn counted(speeds: &[f64; 3]) -> Option<usize> {
+pub fn counted_group(speeds: &[f64; 3]) -> Option<usize> {
     let most = speeds.iter().copied().fold(0.0, f64::max);
     // The rounding of axes that rest is no movement.
     speeds.iter().position(|speed| *speed > 1e-9 * most)
@@ -34,7 +34,7 @@ pub fn counted(speeds: &[f64; 3]) -> Option<usize> {
 #[must_use]
 pub fn counted_speed(velocity: &Position) -> (f64, bool) {
     let groups = moved(velocity);
-    counted(&groups).map_or((0.0, false), |group| (groups[group], group == TURNS))
+    counted_group(&groups).map_or((0.0, false), |group| (groups[group], group == TURNS))
 }
 
 /// The length of a move as F counts it, and whether it is that of a turn: degrees, not mm.

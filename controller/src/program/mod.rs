@@ -25,7 +25,7 @@ mod threads;
 mod timetable;
 
 pub use beginning::Beginning;
-pub use feed::{counted, counted_speed, moved};
+pub use feed::{counted_group, counted_speed, moved};
 pub use feeder::Feeder;
 pub use interrupted::Interrupted;
 pub use mistakes::{Mistake, Mistakes};

@@ -33,46 +33,37 @@ pub(super) fn probe(file: &Path) -> Result<(), TablesError> {
     tried.map_err(|source| TablesError::Write { file: new, source })
 }
 
-/// Writes what is different in `after` from `before`, and what was `set` in it, into `file`.
-pub(super) fn save(
-    file: &Path,
-    before: &Tables,
-    after: &Tables,
-    set: &Places,
-) -> Result<(), TablesError> {
-    let mut changes = Changes::between(before, after, set);
-    if changes.set.is_empty() {
-        return Ok(());
-    }
-    let file = &real(file);
-    let cannot_write = |source| TablesError::Write {
-        file: file.to_owned(),
-        source,
-    };
-    let _lock = lock(file).map_err(cannot_write)?;
-    let text = read(file)?.unwrap_or_else(|| HEAD.to_owned());
-    let now = Tables::parse(file, &text)?;
-    let broken = |error| cannot_write(io::Error::other(error));
-    let mut document: DocumentMut = text.parse().map_err(broken)?;
-    let there = Changes::values(&now);
-    changes.check(file, &there)?;
-    changes.leave_out(&there);
-    changes.write(&mut document);
-    match document.to_string() {
-        same if same == text => Ok(()),
-        changed => replace(file, &changed).map_err(cannot_write),
-    }
-}
-
 impl Interpreter {
-    /// Writes what the program has set in its [`tables`](Self::tables), which were `since` at its start, into their file, as
-    /// [`Tables::save`] does: also what it has set to the value that was there.
+    /// Writes what the program has set in its [`tables`](Self::tables), which were `since` at its start, into their file: also
+    /// what it has set to the value that was there. All else stays in the file as it is now. The file is replaced at once: after a
+    /// power cut it is the old one or the new one.
     ///
     /// # Errors
     /// Somebody else has changed one of these values; the file cannot be read, or it, or the one beside it that is to
     /// replace it, cannot be written.
     pub fn save_tables(&self, file: &Path, since: &Tables) -> Result<(), TablesError> {
-        save(file, since, self.tables(), &self.state.set)
+        let mut changes = Changes::between(since, self.tables(), &self.state.set);
+        if changes.set.is_empty() {
+            return Ok(());
+        }
+        let file = &real(file);
+        let cannot_write = |source| TablesError::Write {
+            file: file.to_owned(),
+            source,
+        };
+        let _lock = lock(file).map_err(cannot_write)?;
+        let text = read(file)?.unwrap_or_else(|| HEAD.to_owned());
+        let now = Tables::parse(file, &text)?;
+        let broken = |error| cannot_write(io::Error::other(error));
+        let mut document: DocumentMut = text.parse().map_err(broken)?;
+        let there = Changes::values(&now);
+        changes.check(file, &there)?;
+        changes.leave_out(&there);
+        changes.write(&mut document);
+        match document.to_string() {
+            same if same == text => Ok(()),
+            changed => replace(file, &changed).map_err(cannot_write),
+        }
     }
 }
 

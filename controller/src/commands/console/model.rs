@@ -5,7 +5,7 @@ use super::signals::Signals;
 use super::values;
 use crate::control::{Event as MachineEvent, Layout, State, Switch};
 use crate::machine::{Axis, Machine};
-use crate::program::{counted, moved};
+use crate::program::{counted_group, moved};
 use crate::session::{Event, Status};
 use std::array;
 use std::collections::VecDeque;
@@ -153,7 +153,7 @@ fn read(file: &Path) -> Option<String> {
 fn actual_speed(before: &Status, now: &Status) -> Option<f64> {
     let passed = now.time? - before.time?;
     let distances = moved(&array::from_fn(|at| now.actual[at] - before.actual[at]));
-    let distance = distances[counted(&moved(&now.velocity)).unwrap_or_default()];
+    let distance = distances[counted_group(&moved(&now.velocity)).unwrap_or_default()];
     (passed > 0.0).then(|| distance / passed)
 }
 
