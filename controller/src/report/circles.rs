@@ -100,9 +100,9 @@ fn picture(circle: &CircleSummary, other: Option<&CircleSummary>) -> String {
         _ = write!(svg, "<circle class=ring cx={x} cy={y} r={radius:.1} />");
     }
     if let Some(other) = other {
-        svg += &polyline(&other.profile, pixels, "act");
+        svg += &deviations(&other.profile, pixels, "act");
     }
-    svg += &polyline(&circle.profile, pixels, "set");
+    svg += &deviations(&circle.profile, pixels, "set");
     let mut axes = circle.plane.chars();
     let [across, up] = [axes.next(), axes.next()].map(Option::unwrap_or_default);
     _ = write!(
@@ -127,8 +127,8 @@ fn picture(circle: &CircleSummary, other: Option<&CircleSummary>) -> String {
     )
 }
 
-/// The way of a tool, so many pixels for a mm of deviation.
-fn polyline(profile: &[(f64, f64)], pixels: f64, class: &str) -> String {
+/// The deviations of a tool round the circle, so many pixels for a mm of deviation.
+fn deviations(profile: &[(f64, f64)], pixels: f64, class: &str) -> String {
     let mut d = String::new();
     let mut last = (f64::NAN, f64::NAN);
     for (n, (angle, off)) in profile.iter().enumerate() {

@@ -8,7 +8,7 @@
 
 use super::super::case::Case;
 use super::super::machine::ErrorSpec;
-use super::scene::NOISE;
+use super::scene::{DISTURBED, NOISE, SWAYS};
 use super::{Checker, Found, Scene};
 use crate::control::Phase;
 use crate::machine::Machine;
@@ -23,10 +23,9 @@ const WINDOW: usize = 8;
 const LATELY: f64 = 1.5;
 /// What rests for so long has taken up its backlash, s: beside what that takes.
 const SETTLES: f64 = 0.3;
-/// Where a carriage stands beside the place of its axis, increments of the drive: its loop has settled, with the encoder's noise.
-const STANDS: f64 = 400.0;
-/// After something happened from outside an axis may stand as it was made to, for so long, s.
-const DISTURBED: f64 = 4.0;
+/// Increments of the drive by which a carriage may stand beside the place of its axis: as much as the shaft sways is left of the
+/// following error once the loop has settled.
+const STANDS: f64 = 2.0 * SWAYS;
 
 /// Sweeps in which slopes are found, to the last digits.
 const SWEEPS: usize = 80;
@@ -117,7 +116,7 @@ fn way_out(beyond: f64, slope: f64, length: f64) -> f64 {
 }
 
 /// Straight lines between the points, and constant beyond them, mm.
-fn polyline(points: &[(f64, f64)], position: f64) -> f64 {
+fn on_straight_lines(points: &[(f64, f64)], position: f64) -> f64 {
     let behind = points.partition_point(|(at, _)| *at <= position);
     let error = match (
         behind.checked_sub(1).map(|it| points[it]),
@@ -352,7 +351,9 @@ fn stands_there(
     let Some(loads) = loads else { return };
     let load = loads.iter().sum::<f64>() / loads.len() as f64;
     // What is simulated has straight lines between the points.
-    let lines = (polyline(points, watched.planned()) - corrected.curve.at(watched.planned())).abs();
+    let lines = (on_straight_lines(points, watched.planned())
+        - corrected.curve.at(watched.planned()))
+    .abs();
     let allowed = STANDS * resolution + lines;
     let off = (load - watched.planned()).abs();
     if off > allowed {

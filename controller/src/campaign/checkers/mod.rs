@@ -222,42 +222,24 @@ impl<'a> Checkers<'a> {
     }
 
     fn each(&mut self, mut show: impl FnMut(&mut dyn Checker, &Scene<'_>, &mut Found)) {
-        let Self {
-            scene,
-            setpoints,
-            carriage,
-            motion,
-            stops,
-            transitions,
-            alarms,
-            reactions,
-            answers,
-            outputs,
-            faulted,
-            bus,
-            encoders,
-            velocities,
-            ending,
-            found,
-        } = self;
         let all: [&mut dyn Checker; 14] = [
-            setpoints,
-            carriage,
-            motion,
-            stops,
-            transitions,
-            alarms,
-            reactions,
-            answers,
-            outputs,
-            faulted,
-            bus,
-            encoders,
-            velocities,
-            ending,
+            &mut self.setpoints,
+            &mut self.carriage,
+            &mut self.motion,
+            &mut self.stops,
+            &mut self.transitions,
+            &mut self.alarms,
+            &mut self.reactions,
+            &mut self.answers,
+            &mut self.outputs,
+            &mut self.faulted,
+            &mut self.bus,
+            &mut self.encoders,
+            &mut self.velocities,
+            &mut self.ending,
         ];
         for checker in all {
-            show(checker, scene, found);
+            show(checker, &self.scene, &mut self.found);
         }
     }
 }

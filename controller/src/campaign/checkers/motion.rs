@@ -1,6 +1,7 @@
 //! Nothing moves that is not enabled and commanded, and what moves keeps together: from the plants, which
 //! no drive can misreport.
 
+use super::scene::{AT_REST, DISTURBED, SETTLES, SWAYS};
 use super::{Checker, Found, Scene};
 use crate::control::{Phase, State};
 use crate::machine::Machine;
@@ -10,19 +11,10 @@ use syncline_drives::model::Increments;
 
 const NAME: &str = "motion";
 
-/// A shaft slower than that is at rest, rev/s: the loops answer the encoder's noise.
-const AT_REST: f64 = 0.2;
 /// How long a shaft may coast once its power stage is off, s: brakes and friction hold by then.
 const COASTS: f64 = 3.0;
-/// How long an axis may take to settle once its setpoint rests, s.
-const SETTLES: f64 = 1.0;
-/// After something happened from outside an axis may move as it was made to, for so long, s.
-const DISTURBED: f64 = 4.0;
-
 /// What operators are shown was true within so many wake-ups.
 const SHOWN_AFTER: usize = 8;
-/// Increments by which both may differ: rounding, and the encoder's noise.
-const NOISE: f64 = 200.0;
 
 /// See the module.
 pub(super) struct Motion {
@@ -152,7 +144,7 @@ impl Motion {
                 2.0 * scene.machine.encoders[it.encoder].scaling.resolution()
             });
             let off = scene.uncertainty[index] + scene.unknown(index);
-            let allowed = off + NOISE * resolution + between + by_encoder;
+            let allowed = off + SWAYS * resolution + between + by_encoder;
             let shown = scene.shown[index];
             if shown < least - allowed || shown > most + allowed {
                 found.violate(NAME, scene, "a position that is shown is another", || {

@@ -5,6 +5,7 @@
 //! 000Bh, and a drive that comes to rest on the path is told to follow until its setpoints rest.
 
 use super::super::interference::{Interference, ToDrive};
+use super::scene::FOLLOWS;
 use super::{Checker, Found, Scene};
 use crate::control::fault::{AxisCause, BlockCause, BusCause, DeviceCause, SpindleCause};
 use crate::control::{self, Fault, State};
@@ -16,8 +17,7 @@ use syncline_drives::model::PowerState;
 
 const NAME: &str = "reactions";
 
-/// Low bits of a controlword: it follows setpoints, and it makes a quick stop (CiA 402).
-const FOLLOWS: u16 = 0x0F;
+/// Low bits of a controlword with which a drive makes a quick stop (CiA 402).
 const QUICK_STOP: u16 = 0x0B;
 
 /// R_PDOs from where a cause shows, or is told, until its reaction is commanded.

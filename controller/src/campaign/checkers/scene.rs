@@ -17,10 +17,19 @@ use syncline_drives::twin::Observation;
 /// Controlword and statusword, as a mapping names them.
 const CONTROLWORD: u32 = 0x6040_0010;
 const STATUSWORD: u32 = 0x6041_0010;
-/// Increments by which an axis that is set where it stands may stand beside where its drive says: the encoder's noise.
-const SEEN: f64 = 200.0;
-/// As its drives are enabled an axis is where they say, with their encoders' noise: so many increments.
+/// Increments by which two readings of an encoder that stands may differ: each is off by 7 at the most, 3.5 deviations of the
+/// noisiest twin's 2 increments, and rounded.
 pub(super) const NOISE: f64 = 20.0;
+/// Increments by which a shaft at rest may stand beside where its drive says it is: its loops answer that noise.
+pub(super) const SWAYS: f64 = 10.0 * NOISE;
+/// A shaft slower than that is at rest, rev/s: its loops answer the encoder's noise.
+pub(super) const AT_REST: f64 = 0.2;
+/// How long an axis may take to settle once what it is sent rests, s.
+pub(super) const SETTLES: f64 = 1.0;
+/// After something happened from outside an axis may move, and stand, as it was made to, for so long, s.
+pub(super) const DISTURBED: f64 = 4.0;
+/// Low bits of a controlword with which a drive follows what it is sent (CiA 402).
+pub(super) const FOLLOWS: u16 = 0x0F;
 /// By so much of the way a lead error changes at the most, as docs/machine-file.md has it.
 const STEEPEST: f64 = 0.1;
 /// The target velocity.
@@ -446,7 +455,7 @@ impl<'a> Scene<'a> {
                 {
                     self.set_off[*axis] += corrected.drives(position) - actual;
                     let resolution = self.machine.drives[drive].scaling.resolution();
-                    self.homed_off[*axis] = corrected.half + SEEN * resolution;
+                    self.homed_off[*axis] = corrected.half + SWAYS * resolution;
                 } else {
                     self.homed_off[*axis] = corrected.greatest();
                 }

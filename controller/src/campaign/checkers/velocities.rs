@@ -3,6 +3,7 @@
 //! The bound is the plan's greatest velocity, what leads the drive's lag at the greatest acceleration, and what the loop makes of
 //! a following error that is no fault yet.
 
+use super::scene::{AT_REST, DISTURBED, FOLLOWS, SETTLES};
 use super::{Checker, Found, Scene};
 use crate::machine::Machine;
 use syncline_canopen::Instant;
@@ -10,15 +11,6 @@ use syncline_drives::bus::Transmission;
 use syncline_drives::model::Dynamics;
 
 const NAME: &str = "velocities";
-
-/// Low bits of a controlword with which a drive follows what it is sent (CiA 402).
-const FOLLOWS: u16 = 0x0F;
-/// A shaft slower than that is at rest, rev/s: the loops answer the encoder's noise.
-const AT_REST: f64 = 0.2;
-/// How long an axis may take to settle once its velocity is 0, s.
-const SETTLES: f64 = 1.0;
-/// After something happened from outside an axis may move as it was made to, for so long, s.
-const DISTURBED: f64 = 4.0;
 
 /// See the module.
 pub(super) struct Velocities(Vec<Watched>);

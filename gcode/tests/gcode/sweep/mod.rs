@@ -1,7 +1,7 @@
 //! Proof of cutter compensation by sweeping the tool: random contours, closed ones gone around inside and outside, with
 //! what leads onto them and off, further passes and overlaps; open ones that wind, and come back to themselves too near.
 //!
-//! Nothing here knows how a way is made, or what is refused: a contour is measured by its own lines and arcs, and the tool is
+//! Nothing here knows how the tool's path is made, or what is refused: a contour is measured by its own lines and arcs, and the tool is
 //! a disc that is put on every point of what came out, the moves on and off among it. What is to be left is known because
 //! the contour was made around it.
 
@@ -153,15 +153,15 @@ impl Case {
 }
 
 /// What the tool's centre goes along, the moves on and off among it.
-fn way(case: &Case, commands: &[Command]) -> Vec<Edge> {
+fn tool_path(case: &Case, commands: &[Command]) -> Vec<Edge> {
     let [x, y] = if case.upright { [2, 0] } else { [0, 1] };
     let flat = |point: &Point| [point.0[x], point.0[y]];
     let mut at = case.from;
-    let mut way = Vec::new();
+    let mut path = Vec::new();
     for command in commands {
         let to = match &command.action {
             Action::Rapid { to } | Action::Feed { to, .. } => {
-                way.push(Edge {
+                path.push(Edge {
                     from: at,
                     to: flat(to),
                     bulge: 0.0,
@@ -173,7 +173,7 @@ fn way(case: &Case, commands: &[Command]) -> Vec<Edge> {
                 let mut from = at;
                 for part in 1..=4 {
                     let to = flat(&arc.at(f64::from(part) / 4.0));
-                    way.push(Edge {
+                    path.push(Edge {
                         from,
                         to,
                         bulge: (arc.sweep / 16.0).tan(),
@@ -186,8 +186,8 @@ fn way(case: &Case, commands: &[Command]) -> Vec<Edge> {
         };
         at = to;
     }
-    way.retain(|edge| distance(edge.from, edge.to) > 1e-12);
-    way
+    path.retain(|edge| distance(edge.from, edge.to) > 1e-12);
+    path
 }
 
 /// How deep a tool on this edge cuts into walls at most.
@@ -245,11 +245,11 @@ fn shortened(walls: &[Edge], [start, end]: [f64; 2]) -> Vec<Edge> {
     left
 }
 
-/// How deep the tool cuts at most on its way; whether all in reach is touched is judged too.
-fn judge_way(case: &Case, commands: &[Command], seed: u64) -> f64 {
-    let way = way(case, commands);
+/// How deep the tool cuts at most along its path; whether all in reach is touched is judged too.
+fn judge_path(case: &Case, commands: &[Command], seed: u64) -> f64 {
+    let path = tool_path(case, commands);
     let (radius, text) = (case.radius, || case.program().0);
-    let last = way.len() - 1;
+    let last = path.len() - 1;
     let mut deepest = 0.0f64;
     // An open contour has its ends where there is nothing: there the ways on and off may cut it.
     let (begun, ended) = match case.closed {
@@ -259,7 +259,7 @@ fn judge_way(case: &Case, commands: &[Command], seed: u64) -> f64 {
             shortened(&case.walls, [0.0, radius]),
         ),
     };
-    for (k, edge) in way.iter().enumerate() {
+    for (k, edge) in path.iter().enumerate() {
         let walls = match k {
             0 => &begun,
             k if k == last => &ended,
@@ -290,7 +290,7 @@ fn judge_way(case: &Case, commands: &[Command], seed: u64) -> f64 {
     for edge in shortened(&case.walls, unreached) {
         for (point, center) in case.beside(&edge, 0.3) {
             if to_all(&case.walls, center) > radius - 1e-10 {
-                let left = to_all(&way, point) - radius;
+                let left = to_all(&path, point) - radius;
                 assert!(
                     left < DEPTH,
                     "seed {seed}: {left} mm left at {point:?}\n{}",
@@ -327,7 +327,7 @@ fn refusal_is_right(case: &Case, line: u32, fault: &Fault) -> bool {
         Fault::CutterCorner { line: other } => [line, other].into_iter().any(cannot_be_touched),
         Fault::CutterEntry { .. } => distance(case.from, case.edges[0].from) <= case.radius,
         Fault::CutterCuts { line: other, .. } | Fault::CutterHasCut { line: other, .. } => {
-            let (way, cut) = match fault {
+            let (going, cut) = match fault {
                 Fault::CutterCuts { .. } => (line, other),
                 _ => (other, line),
             };
@@ -335,7 +335,7 @@ fn refusal_is_right(case: &Case, line: u32, fault: &Fault) -> bool {
                 return false;
             };
             let wall = case.wall_of[cut].map_or_else(Vec::new, |wall| vec![case.walls[wall]]);
-            let deepest = (case.centers(way, &lines).into_iter())
+            let deepest = (case.centers(going, &lines).into_iter())
                 .map(|center| case.radius - to_all(&wall, center))
                 .fold(f64::NEG_INFINITY, f64::max);
             deepest > 0.0019
@@ -362,7 +362,7 @@ fn sweep(first: u64, wanted: u32) -> Outcome {
     for (seed, case) in cases.take(wanted as usize) {
         match run_with(xyz(), &case.program().0) {
             Ok(commands) => {
-                outcome.deepest = outcome.deepest.max(judge_way(&case, &commands, seed));
+                outcome.deepest = outcome.deepest.max(judge_path(&case, &commands, seed));
                 outcome.accepted += 1;
             }
             Err(error) => {
