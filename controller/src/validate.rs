@@ -113,21 +113,15 @@ impl Inputs {
             None => observers.of_program(Some(extent)),
         };
         let mut session = Session::new(layout, timeline, moves, observers);
-        let (told, nobody) = (session.subscribe(), session.operator("validate"));
-        let passes_stops = PassesStops::new(session.operator("validate"));
-        let (mut stopped, mut problem) = (false, None);
-        while session.advance() != Progress::Ended {
-            for event in told.events() {
-                passes_stops.hear(&event)?;
-                if let Event::Problem(error) = event {
-                    problem = problem.or(Some(error));
-                }
-            }
+        let caller = session.operator("validate");
+        let mut stopped = false;
+        let problem = attend(&mut session, |session, _| {
             if !stopped && !goes_on(session.status()) {
-                nobody.command(Command::Stop)?;
+                caller.command(Command::Stop)?;
                 stopped = true;
             }
-        }
+            Ok::<_, NotTaken>(())
+        })?;
         if let Some(error) = problem {
             return Err(NotValidated::Run(error));
         }
@@ -136,6 +130,31 @@ impl Inputs {
         summary.seed = Some(seed);
         Ok((summary, report))
     }
+}
+
+/// Goes through the session of one program to its end; program stops (M0, M1, M6) go on at once. After every wake-up
+/// `see` has the session, with what was told since the last one. Returns the first thing that could not go on, if there is one.
+///
+/// # Errors
+/// The session does not take a command, or `see` fails.
+pub(crate) fn attend<E: From<NotTaken>>(
+    session: &mut Session<VirtualMachine>,
+    mut see: impl FnMut(&mut Session<VirtualMachine>, Vec<Event>) -> Result<(), E>,
+) -> Result<Option<Arc<RunError>>, E> {
+    let told = session.subscribe();
+    let passes_stops = PassesStops::new(session.operator("validate"));
+    let mut problem = None;
+    while session.advance() != Progress::Ended {
+        let events: Vec<Event> = told.events().collect();
+        for event in &events {
+            passes_stops.hear(event)?;
+            if let Event::Problem(error) = event {
+                problem.get_or_insert_with(|| Arc::clone(error));
+            }
+        }
+        see(session, events)?;
+    }
+    Ok(problem)
 }
 
 /// What came of a run that is over, with what is seen of its simulated drives behind it.

@@ -17,11 +17,10 @@ use crate::observe::Observers;
 use crate::observe::summary::Summary;
 use crate::program::bounds::TimeBounds;
 use crate::program::{Extent, Program};
-use crate::run::Progress;
 use crate::run::virtual_time::VirtualMachine;
-use crate::session::{Command, Event, NotTaken, Operator, PassesStops, Session, Status};
+use crate::session::{Command, Event, NotTaken, Operator, Session, Status};
 use crate::validate::cause::Again;
-use crate::validate::{Inputs, judged};
+use crate::validate::{Inputs, attend, judged};
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -222,14 +221,11 @@ impl Args {
         });
         let mut commands = commands.transpose()?;
         self.switches.set(&session.operator("command line"))?;
-        let told = session.subscribe();
-        let passes_stops = PassesStops::new(session.operator("validate"));
         let mut script = Script {
             operator: session.operator("events"),
             events,
             last_moved: 0.0,
         };
-        let mut failure = None;
         let (bar, mut shown) = (scale.bar(), 0);
         let mut repeats = Repeats::default();
         let tell_counted = |counted: Vec<(MachineEvent, u64)>| {
@@ -239,7 +235,7 @@ impl Args {
                 }
             }
         };
-        while session.advance() != Progress::Ended {
+        let failure = attend(&mut session, |session, events| {
             let now = Duration::from_nanos(session.timeline().now().as_nanos());
             let status = session.status();
             bar.set_position(scale.position(status));
@@ -247,8 +243,7 @@ impl Args {
                 shown = status.line;
                 bar.set_message(format!("line {shown}"));
             }
-            for event in told.events() {
-                passes_stops.hear(&event)?;
+            for event in events {
                 match event {
                     Event::Machine(event) => {
                         if repeats.is_news(&event, now)
@@ -257,18 +252,21 @@ impl Args {
                             bar.suspend(|| eprintln!("{text}"));
                         }
                     }
-                    Event::Problem(error) => failure = failure.or(Some(error)),
                     Event::Refused(refused) => eprintln!("{}", refused.reason),
                     Event::Message { line, text } => {
                         bar.suspend(|| eprintln!("line {line}: {text}"));
                     }
-                    Event::Accepted(_) | Event::State(_) | Event::Recorded(_) => {}
+                    Event::Accepted(_)
+                    | Event::State(_)
+                    | Event::Recorded(_)
+                    | Event::Problem(_) => {}
                 }
             }
             tell_counted(repeats.due(now));
             commands.as_mut().map_or(Ok(()), CommandLog::follow)?;
-            script.follow(session.status())?;
-        }
+            script.follow(status)?;
+            Ok::<_, Box<dyn Error>>(())
+        })?;
         tell_counted(repeats.due(Duration::MAX));
         bar.finish_and_clear();
         commands.as_mut().map_or(Ok(()), CommandLog::follow)?;

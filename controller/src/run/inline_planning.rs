@@ -54,6 +54,19 @@ impl InlinePlanning {
         Ok(true)
     }
 
+    /// Tells the job that is planned what came of its probing or homing, and what the inputs and outputs are that it reads.
+    pub(super) fn tell_found(&mut self, controller: &Controller<COORDINATES>) {
+        let Some(feeder) = self.feeder() else {
+            return;
+        };
+        if let Some(found) = controller.found() {
+            feeder.found(found);
+        }
+        if let Some(levels) = controller.signals_read() {
+            feeder.signals_read(levels);
+        }
+    }
+
     /// The job that is planned.
     pub(super) fn feeder(&mut self) -> Option<&mut Feeder> {
         self.planned.as_mut().map(|(_, feeder)| feeder)

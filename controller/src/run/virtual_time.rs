@@ -181,15 +181,10 @@ impl<P: Port> VirtualMachine<P> {
     fn feed(&mut self) -> Result<(), ProgramError> {
         let controller = &mut self.driver.controller;
         self.planning.begin(controller)?;
+        self.planning.tell_found(controller);
         let Some(feeder) = self.planning.feeder() else {
             return Ok(());
         };
-        if let Some(found) = controller.found() {
-            feeder.found(found);
-        }
-        if let Some(levels) = controller.signals_read() {
-            feeder.signals_read(levels);
-        }
         if let Some(request) = controller.replan_request() {
             feeder.replan(&request);
         }

@@ -2,16 +2,11 @@
 
 use proptest::prelude::*;
 use proptest::sample::select;
-use std::sync::Arc;
 use syncline_canopen::{Address, Frame};
-use syncline_controller::control::Layout;
 use syncline_controller::machine::Machine;
-use syncline_controller::observe::Observers;
 use syncline_controller::observe::summary::Summary;
-use syncline_controller::program::Program;
-use syncline_controller::run::Progress;
-use syncline_controller::run::virtual_time::VirtualMachine;
-use syncline_controller::session::Session;
+use syncline_controller::program::Programs;
+use syncline_controller::validate::Inputs;
 use syncline_drives::model::{
     Device, Drive, DriveStatus, Feedback, Increments, IoSettings, MODELS, Make, ModeDisplay, Model,
     NodeSpec, PowerCommand, RemoteNode, Sample, Setpoint, Setpoints, Settings, Survey,
@@ -144,19 +139,11 @@ fn judged(make: MakeDrive, range: i64, zeros: [i32; 2]) -> Summary {
     for drive in &mut machine.drives {
         drive.model = model;
     }
-    let program = folder.file("program.ngc", PORTAL_PROGRAM);
-    let program = Program::new(&program, &machine, &file).expect("no tables");
-    let layout = Arc::new(Layout::new(&machine).expect("it fits"));
-    let (timeline, moves) =
-        VirtualMachine::new(&machine, Arc::clone(&layout), program, 0).expect("simulated");
-    let sent = timeline.frames().listen(&machine);
-    let observers = Observers::new(&machine, Some(sent), None, false);
-    let mut session = Session::new(&layout, timeline, moves, observers);
-    while session.advance() != Progress::Ended {}
-    let (mut timeline, observers) = session.end();
-    let frames = Some(timeline.frames().result());
-    let judged = observers.finish(&machine, &layout, timeline.controller(), frames);
-    judged.expect("there is no trace to write").0
+    let programs = Programs::new(&machine, &file).expect("no tables");
+    let program = programs.file(&folder.file("program.ngc", PORTAL_PROGRAM));
+    let inputs = Inputs { machine, programs };
+    let validated = inputs.validate(program, 0, false, |_| true);
+    validated.expect("a result").0
 }
 
 #[test]

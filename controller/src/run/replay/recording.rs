@@ -122,7 +122,7 @@ impl Recording {
             Waits::ForPlan(cycles) | Waits::ForOperator(cycles) => *cycles -= 1,
             Waits::No => {}
         }
-        self.tell_found(state);
+        self.planning.tell_found(&state.controller);
         if self.log.is_simulated() {
             self.replan(state);
         }
@@ -147,19 +147,6 @@ impl Recording {
             && feeder.replan(&request)
         {
             self.tape.cut(state.instruction);
-        }
-    }
-
-    /// Tells the program what came of its probing or homing, and what the inputs and outputs are that it reads.
-    fn tell_found(&mut self, state: &State) {
-        let Some(feeder) = self.planning.feeder() else {
-            return;
-        };
-        if let Some(found) = state.controller.found() {
-            feeder.found(found);
-        }
-        if let Some(levels) = state.controller.signals_read() {
-            feeder.signals_read(levels);
         }
     }
 
