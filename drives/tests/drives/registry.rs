@@ -1,6 +1,5 @@
 //! Every model has its twin, with the same data sheet.
 
-use std::collections::BTreeSet;
 use std::time::Duration;
 use syncline_canopen::{NodeId, nmt};
 use syncline_drives::model::{Assumed, MODELS, Model, Settings};
@@ -8,9 +7,17 @@ use syncline_drives::twin::{Config, Kind, TWINS};
 
 #[test]
 fn every_model_has_a_twin_with_the_same_data_sheet() {
-    let models: BTreeSet<&str> = MODELS.iter().map(|model| model.name).collect();
-    let twins: BTreeSet<&str> = TWINS.iter().map(|twin| twin.name).collect();
-    assert_eq!((models.len(), twins.len()), (MODELS.len(), TWINS.len()));
+    let mut models: Vec<&str> = MODELS.iter().map(|model| model.name).collect();
+    let mut twins: Vec<&str> = TWINS.iter().map(|twin| twin.name).collect();
+    models.sort_unstable();
+    twins.sort_unstable();
+    let missing = |of: &[&str], all: &[&str]| -> Vec<String> {
+        let missing = all.iter().filter(|name| !of.contains(name));
+        missing.map(|&name| name.to_owned()).collect()
+    };
+    assert_eq!(missing(&twins, &models), [""; 0], "models without a twin");
+    assert_eq!(missing(&models, &twins), [""; 0], "twins without a model");
+    assert_eq!(models, twins, "a name twice");
     for model in MODELS {
         let twin = Kind::by_name(model.name).expect(model.name);
         assert_eq!(

@@ -414,7 +414,8 @@ fn functions_of_inputs_and_their_levels() {
                         4 => false,
                         _ => level,
                     };
-                    bench.twin().set_inputs(u16::from(level) << (input - 1));
+                    let input_is = Disturbance::Input(input - 1, level);
+                    bench.twin().disturb(input_is);
                     bench.wait(ms(1));
                     let status = bench.number(1, 0x1002, 0);
                     assert_eq!(status >> (17 + input) & 1, level.into(), "DE{input}");
@@ -436,7 +437,7 @@ fn functions_that_start() {
         write(&mut bench, 0x2003, 6, function, 2);
         write(&mut bench, 0x6098, 0, 24, 1);
         enable(&mut bench, 6);
-        bench.twin().set_inputs(1 << 5);
+        bench.twin().disturb(Disturbance::Input(5, true));
         bench.wait(ms(200));
         let has_moved = bench.read_i32(1, 0x6062, 0) != 0;
         assert_eq!(has_moved, function == 9, "{function}");

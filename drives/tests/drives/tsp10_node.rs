@@ -220,7 +220,7 @@ fn the_enable_input_and_the_rotary_switches() {
         bench.controlword(1, word);
     }
     assert_eq!(bench.twin().state(), State::SwitchedOn);
-    bench.twin().set_inputs(1 << 5);
+    bench.twin().disturb(Disturbance::Input(5, true));
     assert_eq!(bench.number(1, 0x1002, 0) >> 23 & 0x21, 0x21);
     bench.controlword(1, 0x0F);
     assert_eq!(bench.twin().state(), State::OperationEnabled);
@@ -370,11 +370,11 @@ fn homing_that_does_not_end() {
     // The stop switch as well, without alarm (912).
     bench.controlword(1, 0x1F);
     bench.wait(ms(300));
-    bench.twin().set_inputs(1 << 4);
+    bench.twin().disturb(Disturbance::Input(4, true));
     bench.wait(ms(500));
     assert_eq!(bench.twin().state(), State::OperationEnabled);
     assert!(bench.twin().observe().velocity.abs() < 0.05);
-    bench.twin().set_inputs(0);
+    bench.twin().disturb(Disturbance::Input(4, false));
     // The second limit switch is an alarm.
     bench.controlword(1, 0x0F);
     bench.controlword(1, 0x1F);
@@ -397,9 +397,9 @@ fn functions_and_their_inversion() {
     set(&mut bench, 0x2003, 2, 0).unwrap();
     set(&mut bench, 0x2003, 7, 1).unwrap();
     assert_eq!(flags(&mut bench), 1, "open is active");
-    bench.twin().set_inputs(1 << 6);
+    bench.twin().disturb(Disturbance::Input(6, true));
     assert_eq!(flags(&mut bench), 0);
-    bench.twin().set_inputs(1 << 6 | 1 << 4);
+    bench.twin().disturb(Disturbance::Input(4, true));
     assert_eq!(flags(&mut bench), 8);
 }
 
@@ -695,7 +695,6 @@ fn halt_interrupts_homing() {
     for (stopped, found) in [(false, REFERENCED), (true, 0)] {
         let mut bench = drive(6);
         set(&mut bench, 0x6098, 0, 24).unwrap();
-        bench.twin().set_inputs(0);
         bench.controlword(1, 0x011F);
         bench.wait(ms(500));
         assert_eq!(position(&mut bench), 0);

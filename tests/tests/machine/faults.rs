@@ -202,7 +202,8 @@ fn a_fault_in_the_statusword_alone() {
     let fault = fault_in_motion(|rig| {
         let no_emcy = |it: &mut Received| !is(it, CobId::emcy(node(Z)), &[]);
         rig.bus().doctor = Some(Box::new(no_emcy));
-        rig.twin_as::<Twin>(Z).raise(DriveError::FOLLOWING_ERROR);
+        rig.twin(Z)
+            .disturb(Disturbance::Fault(ErrorClass::SwitchOff));
     });
     assert!(
         matches!(fault, Fault::Device(Z, DeviceCause::Reported { .. })),

@@ -12,7 +12,6 @@ use syncline_controller::control::{
 use syncline_controller::machine::COORDINATES;
 use syncline_controller::session::{Command, Direction, Jog, Override, Refusal, SwitchChange};
 use syncline_drives::twin::Disturbance;
-use syncline_drives::twin::tsp10::Twin as Stepper;
 use syncline_gcode::AxisLetter;
 use syncline_tests::rig::Rig;
 
@@ -384,7 +383,7 @@ fn one_that_does_not_get_there_is_told() {
     let mut rig = portal("G21 G90\nG0 W100\nM2\n");
     rig.run_until(|rig| rig.rows.last().is_some_and(|row| act(row, W) > 20.0));
     // DE5 is the stop switch, of which the drive tells nothing by its state.
-    rig.twin_as::<Stepper>(DRIVE + 2).set_inputs(1 << 4);
+    rig.twin(DRIVE + 2).disturb(Disturbance::Input(4, true));
     let fault = rig.finish_with_fault();
     assert!(
         matches!(fault, Fault::Axis(_, AxisCause::NotThere { .. })),

@@ -127,7 +127,11 @@ impl Firmware for Drive {
             Disturbance::FoundEnabled => self.enter(State::OperationEnabled),
             Disturbance::RefuseWrite(address, code) => self.tampering.refuse(address, code),
             Disturbance::Vendor(id) => self.tampering.preset_vendor(&mut self.objects, id),
-            // It has no other channel and no inputs to be told here, and switches on at once.
+            Disturbance::Input(input, on) => {
+                let bit = 1u16.checked_shl(input.into()).unwrap_or(0);
+                self.inputs = self.inputs & !bit | if on { bit } else { 0 };
+            }
+            // It has no other channel, and switches on at once.
             _ => {}
         }
     }

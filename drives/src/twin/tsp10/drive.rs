@@ -52,7 +52,7 @@ pub struct Drive {
     stands_since: Instant,
 
     pub(super) switches: Switches,
-    /// Levels of the inputs that nothing along the axis drives.
+    /// Levels of DE1 to DE10 from bit 0, but for those that the switches along the axis drive.
     pub(super) inputs: u16,
     pub(super) homing_input: bool,
     pub(super) is_referenced: bool,

@@ -139,11 +139,4 @@ impl Device<Drive> {
     pub fn lost_steps(&self) -> f64 {
         self.firmware.lag()
     }
-
-    // ---- interference ----
-
-    /// Levels of DE1 to DE10 from bit 0, but for those that the switches along the axis drive.
-    pub fn set_inputs(&mut self, levels: u16) {
-        self.firmware.inputs = levels;
-    }
 }
