@@ -12,13 +12,18 @@ use syncline_drives::world::Hosted;
 /// Longest sleep, so that a stop is seen.
 const LOOK_UP: Duration = Duration::from_millis(50);
 
-/// Lets `devices`, switched on now, live on `bus` until `stop` is set.
+/// Lets `devices`, switched on at `start`, live on `bus` until `stop` is set. The buses of a machine have one `start`, so that
+/// what their devices do over time goes together.
 ///
 /// # Errors
 /// The interface cannot be used (any longer).
-pub fn host(bus: &mut dyn Wire, devices: &mut Hosted, stop: &AtomicBool) -> Result<(), PortError> {
+pub fn host(
+    bus: &mut dyn Wire,
+    devices: &mut Hosted,
+    start: Instant,
+    stop: &AtomicBool,
+) -> Result<(), PortError> {
     let mut answers: Vec<Frame> = Vec::with_capacity(64);
-    let start = realtime::now();
     // The devices' time: from their start, and never backwards.
     let mut latest = Instant::ZERO;
     let mut own_time = |at: Instant| {

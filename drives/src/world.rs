@@ -12,8 +12,8 @@
 //! stated in [`mechanics`](crate::mechanics).
 //!
 //! Devices on a bus that others reach, another process or real ones, have no wire of this world:
-//! [`Hosted`] is such a bus's share, with the same clock and the same mechanics, and is a
-//! [`BusNode`] as a whole.
+//! [`Hosted`] is such a bus's share, with the same mechanics, and is a [`BusNode`] as a whole. Time goes as far in
+//! it as who waits at the bus says.
 //!
 //! ```
 //! use syncline_canopen::{CobId, Frame, Instant, NodeId};

@@ -135,6 +135,7 @@ pub fn measure(options: &Options, buses: Buses) -> Result<Outcome, PortError> {
 fn measure_with<const N: usize>(options: &Options, buses: Buses) -> Result<Outcome, PortError> {
     let stop = Arc::new(AtomicBool::new(false));
     let (ports, sockets): (Vec<_>, Vec<_>) = buses.0.into_iter().unzip();
+    let start = realtime::now();
     let hosts: Vec<_> = sockets
         .into_iter()
         .enumerate()
@@ -147,7 +148,7 @@ fn measure_with<const N: usize>(options: &Options, buses: Buses) -> Result<Outco
                     priority: DRIVES_PRIORITY,
                     core: None,
                 });
-                drive_host::host(&mut socket, &mut devices, &stop)
+                drive_host::host(&mut socket, &mut devices, start, &stop)
             })
         })
         .collect();

@@ -188,6 +188,7 @@ fn host(opened: Opened) -> Result<(), Box<dyn Error>> {
     let stop = Arc::new(AtomicBool::new(false));
     let asked = Arc::clone(&stop);
     ctrlc::set_handler(move || asked.store(true, Ordering::Relaxed))?;
+    let start = realtime::now();
     let ended: Result<(), PortError> = thread::scope(|scope| {
         let mut hosts = Vec::new();
         for (mut wire, bus) in buses {
@@ -199,7 +200,7 @@ fn host(opened: Opened) -> Result<(), Box<dyn Error>> {
                     core: None,
                 });
                 let mut drives = bus.drives;
-                let ended = drive_host::host(&mut wire, &mut drives, stop);
+                let ended = drive_host::host(&mut wire, &mut drives, start, stop);
                 // One bus gone ends the machine.
                 stop.store(true, Ordering::Relaxed);
                 ended
