@@ -8,7 +8,7 @@ use std::any::Any;
 use std::error::Error;
 use std::sync::{Arc, Mutex, PoisonError};
 use syncline_canopen::{CanId, CobId, Frame, Instant};
-use syncline_controller::bus::{Burst, Received};
+use syncline_controller::bus::{Burst, BusFault, Received};
 use syncline_controller::control::{
     Controller, End, Event, Fault, Layout, Phase, Row, State, Switch,
 };
@@ -62,11 +62,25 @@ pub struct TappedPort {
     pub tear_bursts: u32,
     /// The interface is gone.
     pub unplugged: bool,
+    /// What it reports of its bus next.
+    pub condition: Option<BusFault>,
     /// What happens to received frames.
     pub doctor: Option<Doctor>,
     /// What happens to bursts that are sent.
     pub forger: Option<Forger>,
     late: Vec<Frame>,
+}
+
+impl TappedPort {
+    fn check(&self) -> Result<(), PortError> {
+        match self.unplugged {
+            true => Err(PortError {
+                bus: "tapped".into(),
+                what: "unplugged".into(),
+            }),
+            false => Ok(()),
+        }
+    }
 }
 
 /// An error with its causes.
@@ -101,12 +115,7 @@ impl Port for TappedPort {
     }
 
     fn receive(&mut self, sink: &mut dyn FnMut(Received)) -> Result<(), PortError> {
-        if self.unplugged {
-            return Err(PortError {
-                bus: "tapped".into(),
-                what: "unplugged".into(),
-            });
-        }
+        self.check()?;
         let doctor = &mut self.doctor;
         self.port.receive(&mut |mut received| {
             if doctor.as_mut().is_none_or(|doctor| doctor(&mut received)) {
@@ -115,13 +124,19 @@ impl Port for TappedPort {
         })
     }
 
+    fn condition(&mut self) -> Option<BusFault> {
+        self.condition.take()
+    }
+
     fn send_sync(&mut self, frame: &Frame) -> Result<(), PortError> {
+        self.check()?;
         self.port.send_sync(frame)?;
         self.port.send_burst(&std::mem::take(&mut self.late))?;
         Ok(())
     }
 
     fn send_burst(&mut self, frames: &[Frame]) -> Result<Burst, PortError> {
+        self.check()?;
         if take_one(&mut self.drop_bursts) {
             Ok(Burst::Dropped)
         } else if take_one(&mut self.tear_bursts) {
@@ -140,6 +155,7 @@ impl Port for TappedPort {
     }
 
     fn send_acyclic(&mut self, frames: &[Frame]) -> Result<(), PortError> {
+        self.check()?;
         self.port.send_acyclic(frames)
     }
 }
@@ -268,6 +284,7 @@ impl Rig {
             delay_bursts: 0,
             tear_bursts: 0,
             unplugged: false,
+            condition: None,
             doctor: None,
             forger: None,
             late: Vec::new(),

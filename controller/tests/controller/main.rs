@@ -14,7 +14,6 @@ mod heads;
 mod identify;
 mod identify_velocity;
 mod killed;
-mod lost_bus;
 mod machine_file;
 mod models;
 mod outputs;

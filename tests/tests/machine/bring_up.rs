@@ -3,10 +3,12 @@
 use syncline_canopen::cia402::{State, Statusword};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, Instant, NodeId, nmt};
-use syncline_controller::control::{End, Event, Phase};
+use syncline_controller::control::fault::{BusCause, DeviceCause};
+use syncline_controller::control::{End, Event, Fault, Phase};
+use syncline_controller::machine::Machine;
+use syncline_controller::port::{Port, sim};
 use syncline_drives::bus::{Sender, Transmission};
-use syncline_drives::twin::Disturbance;
-use syncline_drives::twin::lxm32m::{DriveError, Twin};
+use syncline_drives::twin::{Config, Disturbance, ErrorClass};
 use syncline_tests::rig::{PORTAL_PROGRAM, Rig};
 
 /// The set-up of Interpolated Position, index:sub, length and value, in its order
@@ -389,7 +391,8 @@ fn a_drive_found_enabled_is_switched_off_before_anything_else() {
 fn what_a_drive_remembers_is_told_and_then_reset() {
     let mut rig = Rig::portal("G0 X10\nM2\n");
     rig.step();
-    rig.twin_as::<Twin>(1).raise(DriveError::FOLLOWING_ERROR);
+    rig.twin(1)
+        .disturb(Disturbance::Fault(ErrorClass::SwitchOff));
     assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
     let told = |object: &str| {
         rig.events.iter().find_map(|event| match event {
@@ -404,4 +407,41 @@ fn what_a_drive_remembers_is_told_and_then_reset() {
     assert_eq!(told("603Fh:0"), Some(0xA320));
     assert_eq!(told("1003h:1").map(|value| value & 0xFFFF), Some(0x8611));
     assert!(told("1001h:0").is_some_and(|register| register & 1 == 1));
+}
+
+/// How the portal ends with one more drive on its bus, under a node id that is taken: before any power stage is on.
+fn fault_with_a_stranger(id: impl Fn(&Machine) -> NodeId) -> Fault {
+    let mut rig = Rig::portal(PORTAL_PROGRAM);
+    let stranger = Config {
+        seed: 7,
+        ..Config::new(id(&rig.machine))
+    };
+    let twin = sim::twin(rig.machine.drives[2].model, &stranger);
+    let wire = rig.bus().simulated().unwrap();
+    rig.session.timeline().world().attach(wire, twin);
+    let fault = rig.finish_with_fault();
+    let powers = |it: &(Phase, Instant)| it.0 == Phase::ReadyToSwitchOn;
+    assert!(!rig.phases.iter().any(powers), "{:?}", rig.phases);
+    fault
+}
+
+/// A second drive has the node id of the first.
+#[test]
+fn two_nodes_with_one_id_are_a_fault_before_power_is_on() {
+    let fault = fault_with_a_stranger(|machine| machine.drives[2].node);
+    assert!(
+        matches!(
+            fault,
+            Fault::Device(2, DeviceCause::SecondTPdo | DeviceCause::TwoNodes)
+        ),
+        "{fault:?}"
+    );
+}
+
+/// A drive that has the controller's own: its heartbeat would have the others run on without their controller.
+#[test]
+fn a_node_with_the_controllers_id_is_a_fault_before_power_is_on() {
+    let fault = fault_with_a_stranger(|machine| machine.controller.node);
+    let node = NodeId::new(127).unwrap();
+    assert_eq!(fault, Fault::Bus(0, BusCause::SecondController { node }));
 }

@@ -10,9 +10,10 @@ use std::fmt::Write as _;
 use std::ops::Range;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId};
+use syncline_controller::bus::BusFault;
 use syncline_controller::control::fault::{AxisCause, BusCause, Names};
 use syncline_controller::control::loss::{Compared, Sign};
-use syncline_controller::control::{End, Fault, State};
+use syncline_controller::control::{End, Event, Fault, State};
 use syncline_controller::session::Command;
 use syncline_drives::twin::{Config, Disturbance, ErrorClass};
 use syncline_gcode::AxisLetter;
@@ -514,6 +515,9 @@ fn a_stepper_that_was_homed_is_to_be_homed_again_behind_a_reset() {
 
 // --- a bus is lost ---
 
+/// The drives of the gantry.
+const GANTRY: [usize; 2] = [0, 1];
+
 /// The buses of the machine of several kinds, and its drives on each: gantry, Y and the feeder, beside the I/O node that opens
 /// the enable chain; Z, beside its encoder.
 const BUSES: [(&str, &[usize]); 2] = [("fast", &[0, 1, 2, 4]), ("slow", &[3])];
@@ -539,7 +543,25 @@ fn loses_a_bus(bus: usize, row: usize, wake_ups: usize) {
     assert!(after <= rig.layout.cycle, "{case}: {after:?}");
     assert_eq!(rig.finish(), End::Fault(fault), "{case}");
     rig.trace().assert_within_limits();
-    // Whoever could be reached was switched off in order.
+    // Whoever could be reached had SYNC and heartbeats all the way, and was switched off in order.
+    let off = rig.session.timeline().now().saturating_since(before);
+    let cycles = off.as_nanos() / rig.layout.cycle.as_nanos();
+    let syncs = rig.syncs().iter().filter(|at| **at > before).count() as u128;
+    assert!(
+        syncs.abs_diff(cycles) < 10,
+        "{case}: {syncs} SYNCs in {cycles} cycles"
+    );
+    let heartbeats = rig.sent(CobId::error_control(rig.machine.controller.node));
+    let is_heard = heartbeats.iter().any(|it| it.start > before);
+    assert!(
+        is_heard || off < 2 * rig.machine.controller.heartbeat,
+        "{case}"
+    );
+    for side in GANTRY.into_iter().filter(|side| !lost.contains(side)) {
+        let mut words: Vec<u16> = rig.commands(side).iter().map(|it| it.1).collect();
+        words.dedup();
+        assert!(words.ends_with(&[0x06, 0x00]), "{case}: {words:04X?}");
+    }
     let drives = 0..rig.machine.drives.len();
     for drive in drives.clone().filter(|drive| !lost.contains(drive)) {
         assert!(!rig.twin(drive).observe().is_powered, "{case}: {drive}");
@@ -551,6 +573,33 @@ fn loses_a_bus(bus: usize, row: usize, wake_ups: usize) {
         let seen = rig.twin(drive).observe();
         let stands = seen.velocity.abs() < 0.01 && !seen.is_powered;
         assert!(stands, "{case}: drive {drive} is left at {seen:?}");
+    }
+}
+
+/// A bus that is about to be lost is told, and stops the machine in order once it is error passive.
+#[test]
+fn an_error_warning_is_told_and_error_passive_stops_in_order() {
+    const SLOW: usize = 1;
+    let mut rig = Rig::new("mixed", &[], MIXED, |_, _| ());
+    rig.run_to_row(400);
+    rig.bus_at(SLOW).condition = Some(BusFault::ErrorWarning);
+    for _ in 0..100 {
+        rig.step();
+    }
+    let warnings = rig.events.iter().filter_map(|event| match event {
+        Event::BusWarning { bus, fault } => Some((*bus, *fault)),
+        _ => None,
+    });
+    let warnings: Vec<_> = warnings.collect();
+    assert_eq!(warnings, [(SLOW, BusFault::ErrorWarning)]);
+    assert_eq!(rig.end(), None);
+    rig.bus_at(SLOW).condition = Some(BusFault::ErrorPassive);
+    let fault = rig.finish_with_fault();
+    assert_eq!(fault, Fault::Bus(SLOW, BusCause::ErrorPassive));
+    rig.trace().assert_within_limits();
+    assert!(rig.ends_at_rest());
+    for drive in 0..rig.machine.drives.len() {
+        assert!(!rig.twin(drive).observe().is_powered, "{drive}");
     }
 }
 

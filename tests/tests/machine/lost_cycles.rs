@@ -1,10 +1,10 @@
-//! Cycles that are lost in mid-motion, on machines whose drives have latencies of their own.
+//! Cycles that are lost because a wake-up comes late: in mid-motion, also on machines whose drives have latencies of their own.
 
 use super::homing::{home, is_referenced, settle, state};
 use proptest::prelude::*;
 use syncline_canopen::time::Duration;
-use syncline_controller::control::fault::AxisCause;
-use syncline_controller::control::{Fault, State};
+use syncline_controller::control::fault::{AxisCause, BusCause};
+use syncline_controller::control::{End, Fault, Phase, State, Wake};
 use syncline_gcode::AxisLetter;
 use syncline_tests::rig::Rig;
 
@@ -61,6 +61,94 @@ pub(super) fn jumps(rig: &Rig, drive: usize, axis: usize) -> usize {
     let places: Vec<_> = jumps.map(|it| it.0).collect();
     // A setpoint that is off shows in the three that follow it as well.
     places.chunk_by(|a, b| b - a <= 3).count()
+}
+
+/// A portal in mid-motion along X, its next wake-up being SYNC.
+fn in_motion() -> Rig {
+    let mut rig = Rig::portal("G21 G90 G94 G61\nG1 X300 F6000\nM2\n");
+    rig.run_until(|rig| rig.rows.len() > 1 && x(rig, 0) > 100.0);
+    rig.run_until(|rig| matches!(rig.controller().next_wake(), Some(Wake::Sync(_))));
+    let advance = x(&rig, 0) - x(&rig, 1);
+    assert!(advance > 0.15, "in motion: {advance} mm a cycle");
+    rig
+}
+
+/// Where the plan has X, so many rows back, mm.
+fn x(rig: &Rig, back: usize) -> f64 {
+    rig.rows[rig.rows.len() - 1 - back].plan.position[0]
+}
+
+/// The two wake-ups of a cycle.
+fn one_cycle(rig: &mut Rig) {
+    rig.step();
+    rig.step();
+}
+
+#[test]
+fn one_lost_cycle_is_counted_and_the_next_setpoint_is_that_of_its_own_instant() {
+    let mut rig = in_motion();
+    let cycle = rig.machine.cycle;
+    let (before, advance) = (x(&rig, 0), x(&rig, 0) - x(&rig, 1));
+    let error = |rig: &Rig| rig.rows.last().map(|row| row.axes[0].following_error.abs());
+    let steady = error(&rig).unwrap();
+    let grid = rig.controller().next_wake().unwrap().at();
+    rig.session.timeline().wake_late(cycle + cycle / 10);
+    one_cycle(&mut rig);
+    assert_eq!(rig.controller().late_setpoints(), 1);
+    assert_eq!(rig.end(), None);
+    let next = rig.controller().next_wake().unwrap().at();
+    assert_eq!(next, grid + 2 * cycle, "SYNC keeps its grid");
+    one_cycle(&mut rig);
+    // The setpoint that SYNC latched one cycle late is the one that it is compared with.
+    let behind = error(&rig).unwrap();
+    assert!(
+        behind < steady + 2.0 * advance,
+        "{steady}, then {behind} mm, {advance} mm a cycle"
+    );
+    // One setpoint left out: from the last row to this one are three cycles of motion.
+    let passed = x(&rig, 0) - before;
+    assert!(
+        (passed - 3.0 * advance).abs() < 0.02,
+        "{passed} mm, {advance} mm a cycle"
+    );
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    assert_eq!(rig.controller().late_setpoints(), 1);
+}
+
+#[test]
+fn two_lost_cycles_are_a_fault_and_the_stop_begins_where_the_plan_was_left() {
+    let mut rig = in_motion();
+    let cycle = rig.machine.cycle;
+    let (before, advance) = (x(&rig, 0), x(&rig, 0) - x(&rig, 1));
+    rig.session.timeline().wake_late(2 * cycle + cycle / 10);
+    rig.step();
+    let late = Fault::Bus(0, BusCause::LateSetpoints { count: 2 });
+    assert_eq!(rig.end(), Some(End::Fault(late)));
+    rig.step();
+    let after = x(&rig, 0);
+    assert!(
+        (after - before).abs() < 1.5 * advance,
+        "{before} mm, then {after} mm"
+    );
+    // No step of the plan is left out.
+    one_cycle(&mut rig);
+    let next = x(&rig, 0) - after;
+    assert!(
+        (next - (after - before)).abs() < 0.02,
+        "{before}, {after} and {next} mm more"
+    );
+    assert_eq!(rig.finish(), End::Fault(late), "{:?}", rig.events);
+}
+
+/// A machine that begins late still asks its drives what they do before it resets anything.
+#[test]
+fn a_late_first_wake_up_leaves_nothing_out() {
+    let mut rig = Rig::portal("G0 X10\nM2\n");
+    let cycle = rig.machine.cycle;
+    rig.session.timeline().wake_late(3 * cycle + cycle / 10);
+    rig.run_to(Phase::SetUp);
+    let phases: Vec<Phase> = rig.phases.iter().map(|it| it.0).collect();
+    assert_eq!(phases, [Phase::Survey, Phase::Boot, Phase::SetUp]);
 }
 
 proptest! {
