@@ -400,8 +400,15 @@ impl<const N: usize> Controller<N> {
 
     /// A homing does not wait and go on, as a path does in a feed hold: it ends, and what moves comes to rest.
     pub(super) fn interrupt_homing(&mut self, failure: HomingFailure) {
-        let all = self.homing.group | self.homing.left;
-        if let Some(axis) = (0..self.axes.len()).find(|&axis| has(all, axis)) {
+        let Homing {
+            group, found, left, ..
+        } = self.homing;
+        // One that searches before those that wait for it, and before those that only leave their switches.
+        let ended = [group & !found, left, group]
+            .into_iter()
+            .find(|set| *set != 0);
+        let ended = ended.unwrap_or_default();
+        if let Some(axis) = (0..self.axes.len()).find(|&axis| has(ended, axis)) {
             self.homing_failed(axis, failure);
         }
     }
