@@ -60,6 +60,7 @@ mod sweep;
 mod switches;
 mod tool;
 mod trajectory;
+mod unmet;
 mod user_codes;
 mod validate;
 mod writers;

@@ -6,23 +6,22 @@ use super::console::Teller;
 use super::events::{Events, Plays};
 use super::log_files::LogFiles;
 use super::output::{Claims, Output, Target};
+use super::unmet::{SOURCE, Unmet};
 use super::validate::never_come;
-use crate::control::{Event as MachineEvent, Layout, State};
+use crate::control::{Layout, State};
 use crate::machine::MachineState;
 use crate::observe::Observers;
+use crate::observe::record::Place;
 use crate::observe::summary::Summary;
 use crate::run::Progress;
 use crate::run::virtual_time::VirtualMachine;
-use crate::session::{Command, Event, NotTaken, Operator, Session, Status, Subscription, Taken};
+use crate::session::{Command, NotTaken, Operator, Session, Status, Subscription, Taken};
 use crate::validate::{Inputs, judged};
 use std::error::Error;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 use syncline_gcode::Tables;
-
-/// Who the commands come from, in the log.
-const NAME: &str = "events";
 
 /// Behind an answer, until the state that a command leads to is there.
 const SETTLES: Duration = Duration::from_millis(20);
@@ -82,16 +81,13 @@ impl Scripted<'_> {
         });
         let commands = commands.transpose()?;
         let teller = Teller::new(&session, machine.clone(), Arc::clone(&layout), self.verbose);
-        let fault = attend(&mut session, events, commands, &teller, &layout);
+        let unmet = attend(&mut session, events, commands, &teller, &layout);
         let (timeline, observers) = session.end();
         let logged = timeline.frames().finish_log();
-        let result = fault.and_then(|fault| {
+        let result = unmet.and_then(|unmet| {
             let (mut summary, _) = judged(&machine, &layout, timeline, observers)?;
             summary.seed = Some(self.seed);
-            if let Some(fault) = fault {
-                summary.verdict = "fail";
-                summary.outcome += &format!(", after a fault: {fault}");
-            }
+            unmet.mark(&mut summary);
             let title = String::new();
             results.write(&mut summary, None, self.events, title, Target::begin)?;
             claims.tell(&summary.to_string());
@@ -102,30 +98,29 @@ impl Scripted<'_> {
     }
 }
 
-/// Has the operator heard until the machine is off; the first fault, if there was one.
+/// Has the operator heard until the machine is off; what was asked for and did not come about.
 fn attend(
     session: &mut Session<VirtualMachine>,
     events: Events,
     mut commands: Option<CommandLog>,
     teller: &Teller,
     layout: &Layout,
-) -> Result<Option<String>, Box<dyn Error>> {
+) -> Result<Unmet, Box<dyn Error>> {
     let mut script = Script {
-        operator: session.operator(NAME),
+        operator: session.operator(SOURCE),
         answers: session.subscribe(),
         events,
         unanswered: 0,
+        unmet: Unmet::default(),
         busy: Duration::ZERO,
         zero: None,
     };
     let told = session.subscribe();
-    let mut fault = None;
     while session.advance() != Progress::Ended {
         let now = Duration::from_nanos(session.timeline().now().as_nanos());
         for event in told.events() {
-            if let Event::Machine(MachineEvent::Fault(it)) = &event {
-                fault.get_or_insert_with(|| it.describe(layout));
-            }
+            let at = script.place(session.status(), now);
+            script.unmet.hear(&event, layout, at);
             let Some(text) = teller.text(&event) else {
                 continue;
             };
@@ -141,7 +136,7 @@ fn attend(
     if let Some(left) = script.events.left() {
         eprintln!("{}", never_come(left));
     }
-    Ok(fault)
+    Ok(script.unmet)
 }
 
 /// The operator of a file of events.
@@ -151,6 +146,7 @@ struct Script {
     events: Events,
     /// Commands that have neither taken effect nor been refused.
     unanswered: usize,
+    unmet: Unmet,
     /// When the machine last did something, or a command was answered, since it was switched on.
     busy: Duration,
     /// When the time of the trace was 0, likewise, s.
@@ -163,10 +159,18 @@ impl Script {
         self.zero.map(|zero| now.as_secs_f64() - zero)
     }
 
+    /// Where the machine is now; at 0 s before it is ready for the first time.
+    fn place(&self, status: &Status, now: Duration) -> Place {
+        Place {
+            time: self.time(now).unwrap_or_default(),
+            line: status.line,
+        }
+    }
+
     /// Commands what is due; behind the last event ends what is held, and switches the machine off.
     fn follow(&mut self, status: &Status, now: Duration) -> Result<(), NotTaken> {
         let answers = self.answers.events();
-        let answered = answers.filter(|event| event.answers(NAME)).count();
+        let answered = answers.filter(|event| event.answers(SOURCE)).count();
         self.unanswered = self.unanswered.saturating_sub(answered);
         if answered > 0 || self.unanswered > 0 || !rests(status) {
             self.busy = now;
@@ -198,6 +202,7 @@ impl Script {
                 State::Ready | State::Faulted | State::Disabled => Command::SwitchOff,
                 _ => {
                     eprintln!("the events end while a job is held: stopped");
+                    self.unmet.held(self.place(status, now));
                     Command::Stop
                 }
             };

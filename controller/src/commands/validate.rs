@@ -9,11 +9,13 @@ use super::repeats::{self, Repeats};
 use super::scripted::Scripted;
 use super::switches::Switches;
 use super::trajectory::Trajectory;
+use super::unmet::{SOURCE, Unmet};
 use super::{Exit, report};
 use crate::control::fault::Names;
 use crate::control::{Event as MachineEvent, Layout};
 use crate::machine::{Machine, MachineState};
 use crate::observe::Observers;
+use crate::observe::record::Place;
 use crate::observe::summary::Summary;
 use crate::program::bounds::TimeBounds;
 use crate::program::{Extent, Program};
@@ -222,10 +224,11 @@ impl Args {
         let mut commands = commands.transpose()?;
         self.switches.set(&session.operator("command line"))?;
         let mut script = Script {
-            operator: session.operator("events"),
+            operator: session.operator(SOURCE),
             events,
             last_moved: 0.0,
         };
+        let mut unmet = Unmet::default();
         let (bar, mut shown) = (scale.bar(), 0);
         let mut repeats = Repeats::default();
         let tell_counted = |counted: Vec<(MachineEvent, u64)>| {
@@ -252,7 +255,10 @@ impl Args {
                             bar.suspend(|| eprintln!("{text}"));
                         }
                     }
-                    Event::Refused(refused) => eprintln!("{}", refused.reason),
+                    Event::Refused(refused) => {
+                        eprintln!("{}", refused.reason);
+                        unmet.refused(&refused, place(status));
+                    }
                     Event::Message { line, text } => {
                         bar.suspend(|| eprintln!("line {line}: {text}"));
                     }
@@ -278,6 +284,7 @@ impl Args {
         let logged = timeline.frames().finish_log();
         let (mut summary, rows) = judged(&machine, &layout, timeline, observers)?;
         self.complete(&mut summary, &machine, again.as_ref())?;
+        unmet.mark(&mut summary);
         let title = format!("validated in virtual time, seed {}", self.seed);
         results.write(&mut summary, rows, self.program(), title, Target::begin)?;
         claims.tell(&summary.to_string());
@@ -318,6 +325,14 @@ impl Args {
         );
         let told = self.verbose || is_loud;
         told.then(|| event.describe(names)).flatten()
+    }
+}
+
+/// Where a program is.
+fn place(status: &Status) -> Place {
+    Place {
+        time: status.time.unwrap_or_default(),
+        line: status.line,
     }
 }
 

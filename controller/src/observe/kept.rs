@@ -30,6 +30,11 @@ impl<T> Kept<T> {
         }
     }
 
+    /// The first one.
+    pub(super) fn first(&self) -> Option<&T> {
+        self.first.first()
+    }
+
     /// The last one, if it is kept.
     pub(super) fn last_mut(&mut self) -> Option<&mut T> {
         if self.left_off > 0 {

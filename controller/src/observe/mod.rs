@@ -62,7 +62,7 @@ pub mod travel;
 
 use crate::control::fault::{AxisCause, Fault};
 use crate::control::layout::Layout;
-use crate::control::{Controller, End, Event, LostReference, Row};
+use crate::control::{Controller, End, Event, LostReference, Phase, Row};
 use crate::machine::{Axis, COORDINATES, Machine, Position, Validation};
 use crate::program::bounds::TimeBounds;
 use crate::program::{Extent, Moves, counted_speed};
@@ -124,7 +124,10 @@ pub struct Observers {
     /// What the program amounts to, if it was read before.
     extent: Option<Extent>,
     time_bounds: Option<TimeBounds>,
-    fault: Option<Place>,
+    /// What began the last stop, and where.
+    fault: Option<(Fault, Place)>,
+    /// What began those before it, behind each of which the machine was reset.
+    faults: Kept<(Fault, Place)>,
     /// Why the program could not go on, in a line.
     problem: Option<String>,
     late_setpoint: Option<Place>,
@@ -168,6 +171,7 @@ impl Observers {
             extent: None,
             time_bounds: None,
             fault: None,
+            faults: Kept::default(),
             problem: None,
             late_setpoint: None,
             travel: Travel::default(),
@@ -240,9 +244,10 @@ impl Observers {
         let line = self.sample_at(time).unwrap_or(self.line);
         let now = Place { time, line };
         match event {
-            Event::Fault(_) => {
-                self.fault.get_or_insert(now);
+            Event::Fault(fault) => {
+                self.fault.get_or_insert((*fault, now));
             }
+            Event::Phase(Phase::Survey) => self.faults.extend(self.fault.take()),
             Event::LateSetpoint { .. } => {
                 self.late_setpoint.get_or_insert(now);
             }
@@ -407,7 +412,9 @@ impl Observers {
         let end = self.last();
         self.drives.close(end, &mut self.violations);
         // Whatever was before, what ended the run is told.
-        let (mut violations, left_off) = std::mem::take(&mut self.violations).end();
+        let (mut violations, mut left_off) = std::mem::take(&mut self.violations).end();
+        let (faults, faults_left_off) = std::mem::take(&mut self.faults).end();
+        left_off += faults_left_off;
         let mut violate = |what, arisen: Option<Place>, (value, limit, unit)| {
             let Place { time, line } = arisen.unwrap_or(end);
             violations.push(Violation {
@@ -420,10 +427,15 @@ impl Observers {
                 unit,
             });
         };
-        if let Some(End::Fault(fault)) = controller.end() {
+        let faults = faults.into_iter().map(|(fault, at)| (fault, Some(at)));
+        let last = match controller.end() {
+            Some(End::Fault(fault)) => Some((fault, self.fault.map(|(_, at)| at))),
+            _ => self.fault.map(|(fault, at)| (fault, Some(at))),
+        };
+        for (fault, at) in faults.chain(last) {
             let excess = fault.excess(layout).unwrap_or((1.0, 0.0, ""));
             let what = format!("fault: {}", fault.describe(layout));
-            violate(what, self.fault, excess);
+            violate(what, at, excess);
         }
         let unsent: u64 = self.axes.iter().map(|axis| axis.unsent).sum();
         let late = controller.late_setpoints();
@@ -440,6 +452,15 @@ impl Observers {
         violations.extend(short);
         violations.sort_by(|one, other| one.time.total_cmp(&other.time));
         (violations, left_off)
+    }
+
+    /// What an outcome says of the faults before it, of which the first.
+    fn after_fault(&self, layout: &Layout, end: Option<End>) -> String {
+        let last = self.fault.filter(|_| !matches!(end, Some(End::Fault(_))));
+        let first = self.faults.first().or(last.as_ref());
+        first.map_or_else(String::new, |(fault, _)| {
+            format!(", after a fault: {}", fault.describe(layout))
+        })
     }
 
     /// Where a run that did not come to its end stopped.
@@ -465,6 +486,7 @@ impl Observers {
         });
         // Along samples the rows go on behind the one that was refused.
         let refused = self.fault.filter(|_| self.samples.is_some());
+        let refused = refused.map(|(_, at)| at);
         Stopped {
             line: refused.map_or(self.line, |it| it.line),
             axis: blamed.map(Axis::name),
@@ -495,6 +517,7 @@ impl Observers {
         frames: Option<(String, Vec<f64>)>,
     ) -> io::Result<(Summary, Option<Report>)> {
         self.trace.take().map_or(Ok(()), Trace::finish)?;
+        let after_fault = self.after_fault(layout, controller.end());
         let (violations, violations_left_off) = self.close(layout, controller);
         let (digest, loads) = frames.unzip();
         let verdict = match controller.end() {
@@ -520,7 +543,7 @@ impl Observers {
                 (Some(End::Fault(Fault::Program)), Some(problem)) => {
                     format!("stopped: the program could not go on: {problem}")
                 }
-                (Some(end), _) => end.describe(layout),
+                (Some(end), _) => end.describe(layout) + &after_fault,
                 (None, _) => "not ended".to_owned(),
             },
             stopped: (!finished).then(|| self.stopped(machine, controller.end())),

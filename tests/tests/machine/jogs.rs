@@ -108,7 +108,7 @@ fn hold_jog_and_resume_by_events() {
 fn a_jog_while_the_machine_moves_is_refused_and_changes_nothing() {
     let (_, without, ..) = validate(PROGRAM, "");
     let (code, json, _, errors) = validate(PROGRAM, "2,jog,Z-30\n3,move_to,X5\n");
-    assert_eq!(code, 0);
+    assert_eq!(code, 1);
     let refused =
         errors.matches("no jog while the machine is running: feed hold rests on the path");
     assert_eq!(refused.count(), 2, "{errors}");
@@ -126,7 +126,7 @@ fn a_soft_limit_ends_a_long_jog_and_nothing_leads_beyond() {
     let (code, json, trace, errors) = validate(PROGRAM, &events);
     assert_eq!(
         (code, &json["verdict"]),
-        (0, &Value::from("pass")),
+        (1, &Value::from("fail")),
         "{errors}{json}"
     );
     assert!(

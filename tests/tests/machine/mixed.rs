@@ -87,7 +87,7 @@ fn its_program_passes_and_each_axis_is_within_its_own_bound() {
 #[test]
 fn a_day_runs_its_program() {
     let parts = syncline_tests::command::root().join("examples/mixed/parts.ngc");
-    let events = format!(",home,\n,load,{}\n,run,\n,run,\n", parts.display());
+    let events = format!(",load,{}\n,run,\n,run,\n", parts.display());
     let machine = machine_file("mixed");
     let day = Day::of(&machine, &events, &[]);
     assert_eq!(day.code, 0, "{}", day.told);
