@@ -375,7 +375,7 @@ pub enum Event {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Phase {
-    /// Reads every drive's state; disables what is found enabled.
+    /// Reads every drive's state; disables what is found enabled where no other controller is heard.
     Survey,
     /// Resets communication and waits for the boot-up messages.
     Boot,
@@ -505,7 +505,7 @@ impl Event {
                 format!("{}: no answer; it may just be starting", who(device))
             }
             Self::FoundEnabled { device, word } => format!(
-                "{}: found with its power stage on, {word}: switching it off",
+                "{}: found with its power stage on, {word}: switching it off once no other controller is heard for 1 s",
                 who(device)
             ),
             Self::History { value: 0, .. } => return None,

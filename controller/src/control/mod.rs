@@ -35,6 +35,7 @@
 //! - [`reaction`], `supervision`: what is done about what happens, the table and its execution
 //! - [`measured`]: encoders on shafts of their own
 //! - `burst`: what is sent behind each SYNC, setpoints for the next one and requests
+//! - `survey`: drives that are found with power
 //! - `setpoint_guard`: the last look at a setpoint before it is sent
 
 mod axis;
@@ -68,6 +69,7 @@ mod setpoint_misses;
 pub mod spindle;
 pub mod state;
 mod supervision;
+mod survey;
 #[cfg(test)]
 mod tests;
 mod threading;

@@ -676,11 +676,6 @@ impl DeviceNode {
         }
     }
 
-    /// As [`SdoSequence::take_found_on`].
-    pub(super) fn take_found_on(&mut self) -> bool {
-        self.sequence.take_found_on()
-    }
-
     /// The steps from a drive in an unknown state to one that may be reset.
     pub(super) fn ask_survey(&mut self) {
         let survey = self.survey();

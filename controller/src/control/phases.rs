@@ -45,7 +45,7 @@ impl<const N: usize> Controller<N> {
     /// On the way from power-up to *ready*; it is left by the first fault.
     fn step_up(&mut self, out: &mut [Outbox]) -> Result<(), Fault> {
         match self.phase {
-            Phase::Survey => self.go_on_if(self.sequences_done(), Phase::Boot, out),
+            Phase::Survey => self.step_survey(out),
             Phase::Boot => {
                 if self.timed_out(self.layout.boot_timeout) {
                     let missing = self.nodes.iter().position(|node| !node.has_booted());
@@ -777,11 +777,7 @@ impl<const N: usize> Controller<N> {
 
     /// Takes nodes out of Operational that were commanded: those that were only looked at may be another controller's.
     fn leave_nodes(&mut self, out: &mut [Outbox]) {
-        let mut commanded = take(&mut self.commands_nodes);
-        for node in &mut self.nodes {
-            commanded |= node.take_found_on();
-        }
-        if commanded {
+        if take(&mut self.commands_nodes) {
             self.send_nmt(nmt::Command::EnterPreOperational, out);
         }
     }

@@ -42,7 +42,7 @@ impl Reading {
 /// One step.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Step {
-    /// Reads the status of a drive in an unknown state; disables it if its power stage is on.
+    /// Reads the status of a drive in an unknown state, and notes whether its power stage is on.
     Survey(Survey),
     /// Reads the status until the power stage is off.
     AwaitDisabled(Survey),
@@ -147,7 +147,7 @@ pub(super) struct SdoSequence {
     polled: Option<(Address, u32)>,
     /// A command got no answer.
     unanswered: bool,
-    /// The drive was found with power, and is told to switch it off.
+    /// The drive was found with power, and is not told yet to switch it off.
     found_on: bool,
 }
 
@@ -178,7 +178,12 @@ impl SdoSequence {
         }
     }
 
-    /// Whether the drive was found with power, and told to switch it off, since that was asked last.
+    /// Whether the drive was found with power.
+    pub(super) fn is_found_on(&self) -> bool {
+        self.found_on
+    }
+
+    /// The same, and that it is told to switch it off now.
     pub(super) fn take_found_on(&mut self) -> bool {
         std::mem::take(&mut self.found_on)
     }
@@ -256,6 +261,7 @@ impl SdoSequence {
         self.tries = 0;
         self.give_up = None;
         self.unanswered = false;
+        self.found_on = false;
         self.stale = self.client.is_busy();
     }
 
@@ -423,8 +429,6 @@ impl SdoSequence {
                     let word = status.word;
                     events(Event::FoundEnabled { device, word });
                     self.found_on = true;
-                    self.steps.push_front(Step::AwaitDisabled(survey));
-                    self.steps.push_front(Step::Write(survey.disable));
                 }
             }
             Step::AwaitDisabled(survey) => {

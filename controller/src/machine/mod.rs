@@ -205,6 +205,9 @@ pub struct Drive {
     pub objects: Vec<Write>,
 }
 
+/// The longest cycle that a machine can have.
+pub(crate) const LONGEST_CYCLE: Duration = Duration::from_secs(1);
+
 /// Coordinates of a machine: one for each letter that a program has for an axis, in the order of
 /// [`gcode::AxisLetter::ALL`].
 pub const COORDINATES: usize = gcode::AxisLetter::ALL.len();

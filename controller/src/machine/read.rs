@@ -24,8 +24,8 @@ use super::simulation;
 use super::spindle::SpindleTable;
 use super::user_code::UserCodeTable;
 use super::{
-    Bus, Controller, Cut, Drive, HomingPolicy, Machine, Motion, PathForces, PathTolerances,
-    Probing, Validation, assumed, spindle, validation,
+    Bus, Controller, Cut, Drive, HomingPolicy, LONGEST_CYCLE, Machine, Motion, PathForces,
+    PathTolerances, Probing, Validation, assumed, spindle, validation,
 };
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -124,7 +124,12 @@ impl Tables {
 
         let machine = machine.and_then(|mut table| {
             let name = name(log, &mut table);
-            let cycle = table.integer(log, "cycle_us", 1..=1_000_000, " (µs)");
+            let cycle = table.integer(
+                log,
+                "cycle_us",
+                1..=LONGEST_CYCLE.as_micros() as i64,
+                " (µs)",
+            );
             table.finish(log);
             Some((name?.into_inner(), cycle?))
         });

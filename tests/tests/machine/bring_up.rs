@@ -367,17 +367,21 @@ fn a_drive_found_enabled_is_switched_off_before_anything_else() {
     );
     let node = rig.machine.drives[2].node;
     let asked = requests(&rig, node);
-    assert_eq!(asked[1].frame.data(), [0x2B, 0x40, 0x60, 0, 0, 0, 0, 0]);
+    let is_write = |it: &&Transmission| it.frame.data()[0] & 0xE0 == 0x20;
+    let disabled = asked.iter().find(is_write).unwrap();
+    assert_eq!(disabled.frame.data(), [0x2B, 0x40, 0x60, 0, 0, 0, 0, 0]);
+    // Another controller would have sent a SYNC by then.
+    assert!(disabled.start.saturating_since(asked[0].end) > Duration::from_millis(950));
     let resets =
         nodes(&rig).map(|(_, node)| nmt_sent(&rig, nmt::Command::ResetCommunication, node));
-    assert!(resets.min().unwrap() > asked[1].end);
+    assert!(resets.min().unwrap() > disabled.end);
     // It said so itself before its reset.
     let answers = rig.frames();
     let statusword = |it: &Transmission| {
         it.sender != Sender::Port
             && it.frame.id() == CanId::from(CobId::t_sdo(node))
             && it.frame.data()[1..4] == [0x41, 0x60, 0]
-            && it.start > asked[1].end
+            && it.start > disabled.end
     };
     let answer = answers.iter().find(|it| statusword(it)).unwrap();
     let statusword = u16::from_le_bytes([answer.frame.data()[4], answer.frame.data()[5]]);
@@ -385,6 +389,33 @@ fn a_drive_found_enabled_is_switched_off_before_anything_else() {
         Statusword(statusword).state().map(State::is_powered),
         Some(false)
     );
+}
+
+/// Whoever has the drives enabled may be at work: its SYNC comes once in a cycle, of 1 s at most. Then it is the drives' controller, and
+/// nothing but their states has been read.
+#[test]
+fn a_drive_that_another_controller_runs_is_left_alone() {
+    for after_ms in [3, 40, 700, 990] {
+        let mut rig = Rig::portal("G0 X10\nM2\n");
+        rig.step();
+        rig.twin(2).disturb(Disturbance::FoundEnabled);
+        let sync = Duration::from_millis(after_ms);
+        rig.run_until(|rig| rig.session.timeline().now() >= Instant::ZERO + sync);
+        rig.intrude(0, Frame::new(CobId::SYNC, &[]));
+        let end = rig.finish();
+        let second = Fault::Bus(0, BusCause::SecondSync);
+        assert_eq!(end, End::Fault(second), "{after_ms} ms: {:?}", rig.events);
+        for (_, node) in nodes(&rig) {
+            let asked = requests(&rig, node);
+            let reads = |it: &&Transmission| it.frame.data()[0] == 0x40;
+            assert_eq!(asked.iter().find(|it| !reads(it)), None, "{after_ms} ms");
+        }
+        let of_port = |it: &&Transmission| it.sender == Sender::Port;
+        let commands = |it: &Transmission| nmt::Request::decode(&it.frame).is_some();
+        let frames = rig.frames();
+        assert_eq!(frames.iter().filter(of_port).find(|it| commands(it)), None);
+        assert!(rig.twin(2).observe().is_powered);
+    }
 }
 
 #[test]

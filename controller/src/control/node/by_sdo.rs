@@ -4,6 +4,7 @@
 //! One that was taken out of Operational hears no R_PDOs, and one in Stopped takes no SDO either (CiA 301). So what gets no
 //! answer is told again, behind a command to enter Pre-operational, until it is answered or the device is set up anew.
 
+use super::super::sdo_sequence::Step;
 use super::DeviceNode;
 use syncline_canopen::{Transmit, nmt};
 use syncline_drives::model::{Device, PowerCommand, Write};
@@ -141,6 +142,20 @@ impl DeviceNode {
         self.by_sdo.outputs.clear();
         self.take_outputs();
         self.tell_outputs();
+    }
+
+    /// Whether it was found with power, and is not told yet to switch it off.
+    pub(in crate::control) fn is_found_on(&self) -> bool {
+        self.sequence.is_found_on()
+    }
+
+    /// The steps that switch it off where it was found with power.
+    pub(in crate::control) fn switch_found_off(&mut self) {
+        let survey = self.survey();
+        if let Some(survey) = survey.filter(|_| self.sequence.take_found_on()) {
+            let steps = [Step::Write(survey.disable), Step::AwaitDisabled(survey)];
+            self.sequence.extend(steps);
+        }
     }
 
     /// Calls it back to Pre-operational, unless it shows to be in Operational, and tells again what it has not answered; whether it did.
