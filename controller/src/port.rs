@@ -7,6 +7,7 @@
 
 mod arrival;
 mod error_frame;
+mod lasting;
 mod network;
 pub mod sim;
 pub mod socketcan;
@@ -20,6 +21,7 @@ pub use self::{socketcand::fuzz as fuzz_socketcand, udp::fuzz as fuzz_datagram};
 
 use crate::bus::{Burst, BusFault, Received};
 use crate::machine::Machine;
+use lasting::Lasting;
 use sim::{SimPort, Simulated};
 use socketcan::SocketCan;
 use syncline_canopen::{CobId, Frame};
@@ -181,6 +183,10 @@ fn open_real(
             };
             Ok(Box::new(SocketCan::open(&interface, &options)?))
         }
+        server @ BusUrl::Socketcand { .. } => Ok(Box::new(WirePort::new(Lasting::open(
+            server,
+            spec.bitrate,
+        )?))),
         network => Ok(Box::new(WirePort::new(
             network.open(spec.bitrate, url::End::Client)?,
         ))),
@@ -188,7 +194,7 @@ fn open_real(
 }
 
 /// Why a bus cannot be used (any longer).
-#[derive(Debug, thiserror::Error)]
+#[derive(Clone, Debug, thiserror::Error)]
 #[error("bus {bus}: {what}")]
 pub struct PortError {
     /// The bus as the machine file names it.

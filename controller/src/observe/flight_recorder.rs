@@ -135,6 +135,8 @@ pub struct FlightRecorder {
     moments: LastSeconds<Moment>,
     frames: LastSeconds<(usize, Frame)>,
     inputs: u64,
+    /// Axes were followed since the last recording.
+    has_moments: bool,
     /// What stopped the machine and is not written yet, the first cause first.
     faults: Vec<String>,
     writing: Option<JoinHandle<io::Result<PathBuf>>>,
@@ -217,6 +219,7 @@ impl FlightRecorder {
             moments: LastSeconds::new(kept, moments + 1),
             frames: LastSeconds::new(kept, frames),
             inputs: 0,
+            has_moments: false,
             faults: Vec::new(),
             writing: None,
         })
@@ -262,12 +265,20 @@ impl FlightRecorder {
             inputs: self.inputs,
             analog_inputs: row.analog_inputs,
         };
+        self.has_moments = true;
         self.moments.push(row.at, moment);
     }
 
-    /// The machine rests: has what led to its fault written, if there was one.
+    /// The machine rests: has what led to its fault written, if there was one. Where it was not followed since the last recording, as
+    /// behind a reset in vain, there is nothing that is not in there; and what was there before is not written over.
     pub fn write(&mut self) -> Option<Result<FaultFiles, NotRecorded>> {
         if self.faults.is_empty() || self.writing.is_some() {
+            return None;
+        }
+        if !take(&mut self.has_moments) {
+            self.faults.clear();
+            self.moments.until = None;
+            self.frames.until = None;
             return None;
         }
         let recording = Recording {

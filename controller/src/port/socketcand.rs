@@ -159,7 +159,11 @@ pub fn fuzz<'a>(pieces: impl Iterator<Item = &'a [u8]>) {
 pub(super) fn connect(name: &str, address: &str, bus: &str) -> Result<NetworkBus, PortError> {
     let fail = |error: io::Error| PortError {
         bus: name.to_owned(),
-        what: format!("cannot connect: {error}: is a server running there?"),
+        what: match error.kind() {
+            // It answers, though not as it would where it had such a bus.
+            io::ErrorKind::InvalidData => format!("the server does not open it: {error}"),
+            _ => format!("cannot connect: {error}: is a server running there?"),
+        },
     };
     let mut stream = greet(address, bus).map_err(fail)?;
     let outlet = stream.try_clone().map_err(fail)?;

@@ -306,6 +306,7 @@ impl Cycle {
             let mut waited = Duration::ZERO;
             if setpoints {
                 self.obey();
+                bus_failed &= !self.driver.controller.faults().is_empty();
                 waited = match self.timing.pace {
                     Pace::HostClock => Duration::ZERO,
                     Pace::Lockstep => self.look_for_plan(due + self.slack),
@@ -334,7 +335,7 @@ impl Cycle {
             if stages.total() > self.measured.worst.total() {
                 self.measured.worst = stages;
             }
-            // What fails once fails in every cycle until the end: the first time is news.
+            // What fails once fails in every cycle until the end or a reset: the first time is news.
             if let Err(error) = collected.and(sent)
                 && !replace(&mut bus_failed, true)
             {

@@ -3,7 +3,7 @@
 
 use crate::outside::{Drives, LOCAL, SYNCLINE, runs};
 use std::fs;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, Read, Write as _};
 use std::os::unix::process::ExitStatusExt as _;
 use std::path::PathBuf;
 use std::process::{Child, ChildStderr, Command, Output, Stdio};
@@ -321,4 +321,59 @@ fn the_controller_ends_when_the_process_of_the_drives_stalls_or_is_killed() {
         }
         true
     });
+}
+
+/// A console whose server ends and is started again: each reset in vain says why and records nothing, and once there are drives again one
+/// brings the machine back.
+#[test]
+fn a_console_finds_a_server_that_was_started_anew() {
+    let folder = tempfile::tempdir().unwrap();
+    let machine = folder.path().join("machine.toml");
+    fs::write(&machine, MACHINE).unwrap();
+    let hosted = ["--tolerant", machine.to_str().unwrap()];
+    let drives = Drives::start(Command::new(SYNCLINE), &hosted, LOCAL);
+    let url = drives.url().to_owned();
+    let mut console = (Command::new(SYNCLINE).arg("console"))
+        .args([machine.as_os_str(), "--bus".as_ref(), url.as_ref()])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let (mut input, mut output) = (
+        console.stdin.take().unwrap(),
+        BufReader::new(console.stdout.take().unwrap()),
+    );
+    let mut seen = String::new();
+    let mut wait_for = |texts: &[&str]| loop {
+        let mut line = String::new();
+        let told = output.read_line(&mut line).unwrap();
+        seen += &line;
+        assert!(told > 0, "none of {texts:?} in {seen}");
+        if let Some(found) = texts.iter().position(|it| line.contains(it)) {
+            return found;
+        }
+    };
+    wait_for(&["ready: "]);
+    drop(drives);
+    wait_for(&["fault-1.csv"]);
+    for _ in 0..3 {
+        writeln!(input, "reset").unwrap();
+        wait_for(&["cannot connect: Connection refused"]);
+        wait_for(&["stopped by a fault: "]);
+    }
+    let _drives = Drives::start(Command::new(SYNCLINE), &hosted, &url);
+    loop {
+        writeln!(input, "reset").unwrap();
+        if wait_for(&["ready: ", "stopped by a fault: "]) == 0 {
+            break;
+        }
+    }
+    drop(input);
+    wait_for(&["off: "]);
+    console.wait().unwrap();
+    let kept = fs::read_dir(machine.with_extension("faults")).unwrap();
+    let mut kept: Vec<_> = kept.map(|it| it.unwrap().file_name()).collect();
+    kept.retain(|name| name.to_string_lossy().ends_with(".csv"));
+    assert_eq!(kept, ["fault-1.csv"]);
 }

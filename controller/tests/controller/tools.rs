@@ -529,3 +529,20 @@ fn bad_input() {
         assert!(error.contains(told), "{error}");
     }
 }
+
+/// A server that answers is running: it has no such bus.
+#[test]
+fn a_bus_that_a_server_does_not_have_is_told() {
+    let drives = Drives::local(&TWO_TOLERANT);
+    let url = drives.url().replace("/can0", "/can7");
+    let output = Command::new(SYNCLINE)
+        .args(["scan", "--bus", &url])
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        told.contains("the server does not open it: expected `< ok >`, got `< error"),
+        "{told}"
+    );
+    assert!(!told.contains("is a server running"), "{told}");
+}
