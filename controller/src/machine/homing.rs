@@ -400,7 +400,21 @@ fn square(
         Some(HomingMethod::Switch(search)) => search.back_off.max(skew),
         _ => skew,
     };
+    let place = table.span_of("max_skew");
     let most = number_or(log, table, "max_skew", usual, skew..=1e3, "(mm)");
+    if let Some(HomingMethod::Switch(search)) = method
+        && let Some(place) = place
+        && most > search.back_off
+    {
+        log.report(
+            place,
+            format!(
+                "{}: `max_skew` is {most} mm, but the second side's switch is looked for over `back_off`, {} mm",
+                table.title, search.back_off
+            ),
+            "allowed: up to `back_off`, or a greater `back_off`",
+        );
+    }
     let fastest = limits.velocity;
     let speed = number_or(
         log,

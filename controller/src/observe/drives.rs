@@ -301,7 +301,7 @@ impl DriveWatch {
         ];
         for (watch, (what, value, limit, unit)) in self.watches.iter_mut().zip(looks) {
             // A cause is told before what it leads to: where it began.
-            watch.look(violations, at, value, limit, |began| Violation {
+            watch.look_by_line(violations, at, value, limit, |began| Violation {
                 what: format!("{what} of drive {}", self.name),
                 axis: None,
                 time: began.time,

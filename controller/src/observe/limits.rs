@@ -100,6 +100,21 @@ impl Watch {
         }
     }
 
+    /// The same where a value comes and goes: what is above the limit again in the same line is of the same stretch.
+    pub(super) fn look_by_line(
+        &mut self,
+        violations: &mut Kept<Violation>,
+        at: Place,
+        value: f64,
+        limit: f64,
+        violation: impl FnOnce(Place) -> Violation,
+    ) {
+        let goes_on = (self.stretch.as_ref()).is_some_and(|(began, _)| began.line == at.line);
+        if value > limit || !goes_on {
+            self.look(violations, at, value, limit, violation);
+        }
+    }
+
     /// Ends a stretch that goes on.
     pub(super) fn close(&mut self, violations: &mut Kept<Violation>) {
         violations.extend(self.stretch.take().map(|(_, worst)| worst));

@@ -17,6 +17,36 @@ fn refusal(machine: &Path, program: &Path, arguments: &[&str]) -> String {
     errors.to_owned()
 }
 
+/// Beyond `back_off` the second switch of a gantry is not looked for.
+#[test]
+fn a_gantry_is_not_squared_over_more_than_its_switches_are_looked_for() {
+    let folder = Folder::new();
+    let program = folder.file("p.ngc", "G0 X5\nM2\n");
+    let with = |skew: &str| {
+        let backs_off = "direction = \"negative\"\nspeed = 80.0";
+        let skew = format!("max_skew = {skew}\n{backs_off}");
+        folder.file(
+            "router.toml",
+            &machine_with("router", &[(backs_off, &skew)]),
+        )
+    };
+    let told = refusal(&with("5.5"), &program, &[]);
+    for part in [
+        "`max_skew` is 5.5 mm",
+        "`back_off`, 5 mm",
+        "a greater `back_off`",
+    ] {
+        assert!(told.contains(part), "{told}");
+    }
+    let good = with("5.0");
+    let output = syncline()
+        .arg("check")
+        .args([&good, &program])
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{output:?}");
+}
+
 /// Each mistake in the portal's machine file, and what a user has to be told: place, key, what is
 /// allowed, the nearest valid key.
 #[test]

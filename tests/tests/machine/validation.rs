@@ -91,6 +91,27 @@ fn each_tolerance_decides_at_the_number_that_is_told() {
     }
 }
 
+/// A drive that comes and goes above what it may use is told once for each block, at its worst.
+#[test]
+fn a_torque_that_is_passed_again_and_again_is_told_once_for_a_block() {
+    let program = "G61 F9000\nG1 X-80\nG1 X80\nG1 X-80\nG1 X0\nM2\n";
+    let json = validated("[validation]\ntorque_reserve = 0.95\n", &[], program);
+    let violations = json["violations"].as_array().unwrap();
+    let of_x = violations
+        .iter()
+        .filter(|it| it["what"] == "torque of drive left-right");
+    let lines: Vec<_> = of_x
+        .clone()
+        .map(|it| it["line"].as_u64().unwrap())
+        .collect();
+    assert_eq!(lines, [2, 3, 4, 5], "{violations:#?}");
+    let worst = of_x.map(|it| it["value"].as_f64().unwrap());
+    assert_eq!(
+        worst.fold(0.0, f64::max),
+        number(&json, "/drives/0/max_torque")
+    );
+}
+
 /// The tool is off the program by no more than rounding and drives make together, and the drives are what a soft
 /// position loop makes worse.
 #[test]
