@@ -77,14 +77,24 @@ impl Origin {
 }
 
 impl Fault {
+    /// So many blocks are more than are allowed, as M99 has the program begin anew or for another reason.
+    pub(crate) fn without_end(allowed: u64, begins_anew: bool) -> Self {
+        match begins_anew {
+            true => Self::BeginsAnew { allowed },
+            false => Self::TooManyBlocks { allowed },
+        }
+    }
+
     /// Whether nothing can be said of the program behind it.
     pub(crate) fn ends_reading(&self) -> bool {
         matches!(
             self,
             Fault::Read(_)
+                | Fault::Encoding
                 | Fault::NoEnd
                 | Fault::NoSuchLine { .. }
                 | Fault::TooManyBlocks { .. }
+                | Fault::BeginsAnew { .. }
                 | Fault::IdleLoop { .. }
                 | Fault::Abandoned
         )
@@ -105,6 +115,12 @@ impl Fault {
     }
 }
 
+/// Whether words that are named so are more than one.
+fn is_plural(words: &str) -> bool {
+    let (named, _) = words.split_once(',').unwrap_or((words, ""));
+    named.ends_with("words") || named.contains(" and ")
+}
+
 /// What is wrong with a block. The text says what to do.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "each variant's message is its documentation")]
@@ -116,6 +132,8 @@ pub enum Fault {
     LineTooLong { allowed: usize },
     #[error("{0:?} means nothing here: remove it")]
     Character(char),
+    #[error("bytes of 0 are in no text: is the file UTF-16? Save it as UTF-8")]
+    Encoding,
     #[error("a comma is no decimal point: write `{0}`")]
     Comma(String),
     #[error("a number has one point at most, before its decimals, and no commas: write it so")]
@@ -134,6 +152,11 @@ pub enum Fault {
     Statement {
         written: String,
         nearest: &'static str,
+    },
+    #[error("{written} is a statement of another controller's macros: write {instead}")]
+    Macro {
+        written: &'static str,
+        instead: &'static str,
     },
     #[error("found {found}: write {what}")]
     Expected { what: &'static str, found: String },
@@ -212,7 +235,7 @@ pub enum Fault {
         first: Code,
         second: Code,
     },
-    #[error("{code} needs {words}: add it")]
+    #[error("{code} needs {words}: add {}", if is_plural(words) { "them" } else { "it" })]
     MissingWord { code: Code, words: &'static str },
 
     #[error("S{speed} is not a speed of the spindle: {least} to {most}, or 0")]
@@ -275,7 +298,9 @@ pub enum Fault {
     SurfaceTurned,
     #[error("{code} needs a spindle at one speed: write G97 and S before")]
     ThreadSurface { code: Code },
-    #[error("axis words without a motion: write G0, G1, G2 or G3 (G80 ended the last one)")]
+    #[error(
+        "axis words without a motion: write G0, G1, G2 or G3 in this block, or before and no G80 since"
+    )]
     NoMotion,
     #[error("polar coordinates give X and Y: leave either these or `@` and `^` out")]
     PolarMixed,
@@ -512,10 +537,10 @@ pub enum Fault {
     NestedSub,
     #[error("O{label} is defined twice: give each subroutine its own label")]
     DefinedTwice { label: String },
-    #[error("there is no subroutine O{label}: define it in this file{elsewhere}")]
-    NoSubroutine { label: String, elsewhere: String },
-    #[error("there is no subprogram O{number}: add it behind the end of the program{packed}")]
-    NoSubprogram { number: u32, packed: String },
+    #[error("there is no subroutine O{label}: {remedy}")]
+    NoSubroutine { label: String, remedy: String },
+    #[error("there is no subprogram O{number}: {remedy}")]
+    NoSubprogram { number: u32, remedy: String },
     #[error("the subprogram has no M99: add it")]
     NoSubprogramEnd,
     #[error("M99 ends subprograms of M98: write ENDSUB or RETURN here")]
@@ -541,6 +566,11 @@ pub enum Fault {
     )]
     TooManyBlocks { allowed: u64 },
     #[error(
+        "{allowed} blocks were executed without an end, as M99 begins the program anew: write M30 in its place, or run it \
+         with --stream"
+    )]
+    BeginsAnew { allowed: u64 },
+    #[error(
         "{allowed} blocks were executed and nothing moved: end the loop, or let it move or dwell"
     )]
     IdleLoop { allowed: u64 },
@@ -564,6 +594,7 @@ impl Fault {
                 | Self::UnclosedName
                 | Self::EmptyName
                 | Self::Statement { .. }
+                | Self::Macro { .. }
                 | Self::Expected { .. }
                 | Self::TooDeep { .. }
                 | Self::LineNumberPlace

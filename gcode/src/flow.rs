@@ -419,13 +419,16 @@ impl Interpreter {
             .chars()
             .all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || matches!(c, '_' | '-'));
         // What came through a pipe has no files beside it.
-        let elsewhere = match plain && self.directory.is_some() {
-            true => format!(", or in {label}.ngc beside it"),
-            false => String::new(),
+        let has_folder = plain && self.directory.is_some();
+        let remedy = match (self.state.setup.typed, has_folder) {
+            (false, false) => "define it in this file".to_owned(),
+            (false, true) => format!("define it in this file, or in {label}.ngc beside it"),
+            (true, false) => "typed lines call what has a file of its own".to_owned(),
+            (true, true) => format!("typed lines call what has a file of its own: {label}.ngc"),
         };
         let unknown = || {
-            let (label, elsewhere) = (label.to_owned(), elsewhere.clone());
-            Refusal::new(columns, Fault::NoSubroutine { label, elsewhere })
+            let (label, remedy) = (label.to_owned(), remedy.clone());
+            Refusal::new(columns, Fault::NoSubroutine { label, remedy })
         };
         let Some(directory) = self.directory.as_ref().filter(|_| plain) else {
             return Err(unknown());
@@ -527,10 +530,11 @@ impl Interpreter {
                     None => self.search(start, &label, Statement::Program)?,
                     found => found,
                 };
-                let fault = || Fault::NoSubprogram {
-                    number,
-                    packed: packed(number),
+                let remedy = match self.state.setup.typed {
+                    true => "typed lines have none: load the program that it is in".to_owned(),
+                    false => format!("add it behind the end of the program{}", packed(number)),
                 };
+                let fault = || Fault::NoSubprogram { number, remedy };
                 found.ok_or_else(|| Refusal::new(columns, fault()))?
             }
         };
@@ -558,6 +562,7 @@ impl Interpreter {
             }
             None => {
                 self.control.constructs.clear();
+                self.begins_anew = true;
                 self.started = false;
                 self.words_seen = false;
                 self.go_to(At {

@@ -59,6 +59,8 @@ pub struct Interpreter {
     /// Where `pending` leads the machine.
     settled_at: Point,
     executed: u64,
+    /// M99 of the main program had it begin anew.
+    pub(super) begins_anew: bool,
     /// Commands of the program that were handed out, or passed on the way to where it is begun.
     passed: u64,
     /// What those asked for: canned cycles ask for many moves each.
@@ -164,6 +166,7 @@ impl Interpreter {
             only_read: false,
             pending: VecDeque::new(),
             executed: 0,
+            begins_anew: false,
             passed: 0,
             asked: 0,
             idle: 0,
@@ -573,13 +576,12 @@ impl Interpreter {
             Ok(Read1::TooLong) => return refuse(Fault::LineTooLong { allowed: MAX_LINE }),
             Err(error) => return refuse(Fault::Read(error)),
         }
-        let bytes = match self.line {
-            1 => self
-                .bytes
-                .strip_prefix(b"\xef\xbb\xbf")
-                .unwrap_or(&self.bytes),
-            _ => &self.bytes,
-        };
+        let mark: &[u8] = if self.line == 1 { b"\xef\xbb\xbf" } else { b"" };
+        let bytes = self.bytes.strip_prefix(mark).unwrap_or(&self.bytes);
+        if bytes.contains(&0) {
+            self.block.parse("")?;
+            return refuse(Fault::Encoding);
+        }
         self.block.parse(&String::from_utf8_lossy(bytes))?;
         self.executed += 1;
         self.idle += 1;
@@ -589,7 +591,7 @@ impl Interpreter {
         } else if let Some(allowed) =
             (setup.max_blocks).filter(|most| self.executed.max(self.asked) > *most)
         {
-            Fault::TooManyBlocks { allowed }
+            Fault::without_end(allowed, self.begins_anew)
         } else if self.idle > setup.max_idle_blocks {
             let allowed = setup.max_idle_blocks;
             Fault::IdleLoop { allowed }

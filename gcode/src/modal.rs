@@ -112,6 +112,8 @@ pub(crate) enum Standing {
     Unknown,
 }
 
+const NO_POLAR: &str =
+    "polar coordinates are written with `@` for the radius and `^` for the angle, in each block";
 const NO_LATHE: &str = "it is for lathes";
 const NO_SCALING: &str =
     "have the program scaled where it is made: write G50 away if it only ends that";
@@ -136,6 +138,7 @@ impl Code {
                 70 => Refused(NO_LATHE),
                 80 => Supported(Group::Diameters),
                 120 | 130 => Refused(NO_CIRCLES),
+                150 | 160 => Refused(NO_POLAR),
                 170 | 180 | 190 => Supported(Group::Plane),
                 171 | 181 | 191 => Refused("planes of U V W have no arcs: use G17, G18 or G19"),
                 200 | 210 => Supported(Group::Units),
@@ -147,7 +150,9 @@ impl Code {
                 530 => Supported(Group::MachineCoordinates),
                 540 | 550 | 560 | 570 | 580 | 590..=593 => Supported(Group::WorkOffset),
                 610 | 611 | 640 => Supported(Group::PathMode),
-                700 | 710 | 711 | 712 | 720 | 721 | 722 => Refused(NO_LATHE),
+                700 => Refused("it is for lathes: write G20, if it is for inches"),
+                710 => Refused("it is for lathes: write G21, if it is for millimetres"),
+                711 | 712 | 720 | 721 | 722 => Refused(NO_LATHE),
                 900 | 910 => Supported(Group::Distance),
                 901 | 911 => Supported(Group::ArcDistance),
                 930 | 940 | 950 => Supported(Group::FeedMode),
@@ -325,6 +330,11 @@ impl Modes {
     }
 }
 
+/// As a person writes it: to the millionth, which what was converted from inches and back misses by a rounding.
+fn plain(value: f64) -> f64 {
+    (value * 1e6).round() / 1e6
+}
+
 impl fmt::Display for Modes {
     /// The codes that set this state.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -350,13 +360,14 @@ impl fmt::Display for Modes {
                 f.write_str(" G64")?;
                 for (letter, value) in [('P', tolerance), ('Q', merge)] {
                     if let Some(value) = value {
-                        write!(f, " {letter}{}", value / self.unit())?;
+                        write!(f, " {letter}{}", plain(value / self.unit()))?;
                     }
                 }
             }
         }
         if let Some(feed) = self.feed {
-            write!(f, " F{}", feed.number * feed.unit / self.unit())?;
+            let feed = plain(feed.number * feed.unit / self.unit());
+            write!(f, " F{feed}")?;
         }
         let turning = match self.spindle.turning {
             Turning::Off => "M5",
@@ -369,7 +380,7 @@ impl fmt::Display for Modes {
         };
         match self.spindle.surface {
             Some(Surface { speed, within, .. }) => {
-                let speed = speed / surface_unit(self.inches);
+                let speed = plain(speed / surface_unit(self.inches));
                 write!(f, " G96 D{} S{speed} {spindle}", within.1)?;
             }
             None => write!(f, " S{} {spindle}", self.spindle.speed)?,

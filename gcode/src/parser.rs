@@ -72,6 +72,7 @@ impl Block {
                 }
                 Kind::Letter(b'O') => return Err(Refusal::new(token.columns, Fault::FlowPlace)),
                 Kind::Letter(letter) => {
+                    parser.refuse_macro()?;
                     parser.at += 1;
                     let value = parser.value("a value")?;
                     self.words.push(Word {
@@ -182,6 +183,31 @@ impl<'a> Parser<'a> {
                 .all(|(letter, token)| token.kind == Kind::Letter(letter));
         self.at += if found { keyword.len() } else { 0 };
         found
+    }
+
+    /// Refuses a statement of a controller whose macros have no O-words.
+    fn refuse_macro(&mut self) -> Result<(), Refusal> {
+        const MACROS: [(&str, &str); 5] = [
+            ("WHILE", "`O1 WHILE […]` and `O1 ENDWHILE`"),
+            ("IF", "`O1 IF […]` and `O1 ENDIF`"),
+            (
+                "GOTO",
+                "`O1 IF […]` or `O1 WHILE […]`, as nothing jumps here",
+            ),
+            ("DO", "`O1 DO` and `O1 WHILE […]`"),
+            ("END", "`O1 ENDWHILE`"),
+        ];
+        let (at, start) = (self.at, self.peek().columns);
+        for (written, instead) in MACROS {
+            let is_it = self.keyword(written)
+                && matches!(self.peek().kind, Kind::Open | Kind::Number(_) | Kind::Hash);
+            let columns = start.to(self.previous());
+            self.at = at;
+            if is_it {
+                return Err(Refusal::new(columns, Fault::Macro { written, instead }));
+            }
+        }
+        Ok(())
     }
 
     /// The letters that come next, as one word, without that of a G-code word behind it.
@@ -393,6 +419,10 @@ impl<'a> Parser<'a> {
                     .find(|(keyword, ..)| *keyword == written);
                 let Some((keyword, statement, count)) = found else {
                     let columns = self.letters_columns(written.len());
+                    // `G0`, and no statement.
+                    if written.len() == 1 {
+                        return Err(Refusal::new(columns, Fault::FlowPlace));
+                    }
                     let nearest = STATEMENTS
                         .iter()
                         .min_by_key(|(keyword, ..)| difference(keyword, &written))

@@ -42,6 +42,10 @@ impl Mistakes {
         // Numbers aside, the same message is the same mistake.
         let kind = |error: &gcode::Error| {
             let text = error.fault.to_string();
+            // Of what is no code here the number is what is wrong.
+            if let gcode::Fault::UnknownCode(_) | gcode::Fault::Unsupported { .. } = error.fault {
+                return text;
+            }
             text.replace(|c: char| c.is_ascii_digit() || "-.".contains(c), "")
         };
         let known = kind(&error);

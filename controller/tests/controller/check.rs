@@ -182,6 +182,19 @@ fn every_mistake_of_a_program_is_told_at_once() {
     assert!(error.contains("17, 18 and 27 more\n"), "{error}");
 }
 
+/// Codes that are none are no one mistake.
+#[test]
+fn codes_that_are_unknown_are_each_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("part.ngc");
+    fs::write(&file, "G16\nG15\nG6\nG9\nG6\n").unwrap();
+    let error = refused(&[PORTAL, file.to_str().unwrap()]);
+    for code in ["G16 is not", "G15 is not", "G6 is not", "G9 is not"] {
+        assert!(error.contains(code), "{code}: {error}");
+    }
+    assert!(error.contains("the same in line 5"), "{error}");
+}
+
 #[test]
 fn the_change_of_an_arc_is_told() {
     let folder = tempfile::tempdir().unwrap();

@@ -12,6 +12,7 @@ fn each_with_its_place() {
         // The text.
         ("G0 X1 !", "1:7"),
         ("G0 X1 (to the left", "1:7"),
+        ("G0 X1\nG\0 0", "2:1"),
         ("G0 (a (b) c) X1", "1:7"),
         ("#<depth = 1", "1:2"),
         ("#<> = 1", "1:2"),
@@ -38,6 +39,11 @@ fn each_with_its_place() {
         ("O100 IF", "1:8"),
         ("O100 SUB G0", "1:10"),
         ("% G0", "1:3"),
+        ("O100 G0 X5", "1:6"),
+        ("WHILE[#1LT2]DO1", "1:1"),
+        ("IF[#1GT5]GOTO50", "1:1"),
+        ("N50 GOTO 50", "1:5"),
+        ("END1", "1:1"),
         // Values.
         ("G0 X#0", "1:5"),
         ("G0 X#6000", "1:5"),
@@ -128,6 +134,11 @@ fn each_with_its_place() {
         ("G51 X2", "1:1"),
         ("G69", "1:1"),
         ("G7", "1:1"),
+        ("G70", "1:1"),
+        ("G71 G91.1", "1:1"),
+        ("G15", "1:1"),
+        ("G92", "1:1"),
+        ("G28.1 X1", "1:7"),
         ("G43.2 H9", "1:7"),
         ("M72", "1:1"),
         ("M70\nM71\nM72", "3:1"),
@@ -169,6 +180,31 @@ fn each_with_its_place() {
         ("%\nG0 X1\n", "3:1"),
     ];
     insta::assert_snapshot!(refusals(&programs));
+}
+
+/// Typed lines have no rest of a program in which something could be defined.
+#[test]
+fn typed_lines_have_nothing_behind_them() {
+    let setup = Setup {
+        typed: true,
+        ..xyz()
+    };
+    let programs = [("o<foo> call", "1:1"), ("M98 P5", "1:1")];
+    insta::assert_snapshot!(refusals_with(&setup, &programs));
+}
+
+/// What has no end is told by what keeps it from one.
+#[test]
+fn a_program_that_begins_anew_has_no_end() {
+    let setup = Setup {
+        max_blocks: Some(100),
+        ..xyz()
+    };
+    let programs = [
+        ("G0 X1\nG0 X0\nM99", "2:1"),
+        ("O1 WHILE [1]\nG0 X1\nG0 X0\nO1 ENDWHILE", "1:1"),
+    ];
+    insta::assert_snapshot!(refusals_with(&setup, &programs));
 }
 
 #[test]
