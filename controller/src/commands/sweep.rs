@@ -8,14 +8,15 @@ use crate::sweep::{Folder, Manifest, Plan, Runs, SweepError, Table, Vary, sha256
 use indicatif::{ProgressBar, ProgressStyle};
 use std::error::Error;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
 use syncline_gcode::Tables;
 
 /// Validate a program many times, each time with other values of keys of the machine file.
 ///
 /// Every so many runs are a part, a file of its own that is there once they are done: a sweep that was
-/// interrupted goes on where it was. Exit code 0: all runs were made, whatever came of them.
+/// interrupted goes on where it was. Exit code 0: all runs were made, whatever came of them; 130: Ctrl-C came before.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// Machine file (TOML).
@@ -64,7 +65,7 @@ impl Args {
             Err(error) => return super::bad_input(&*error),
         };
         match self.sweep(prepared) {
-            Ok(()) => Exit::Finished,
+            Ok(exit) => exit,
             Err(error) => {
                 report(&*error);
                 Exit::Stopped
@@ -129,7 +130,7 @@ impl Args {
         Ok(texts)
     }
 
-    fn sweep(&self, prepared: Prepared) -> Result<(), Box<dyn Error>> {
+    fn sweep(&self, prepared: Prepared) -> Result<Exit, Box<dyn Error>> {
         let Prepared {
             runs,
             folder,
@@ -145,6 +146,9 @@ impl Args {
             .iter()
             .map(|part| runs_of(part).count() as u64)
             .sum());
+        let interrupted = Arc::new(AtomicBool::new(false));
+        let asked = Arc::clone(&interrupted);
+        ctrlc::set_handler(move || asked.store(true, Ordering::Relaxed))?;
         let next = AtomicUsize::new(0);
         let work = || -> Result<(), SweepError> {
             while let Some(part) = missing.get(next.fetch_add(1, Ordering::Relaxed)) {
@@ -153,6 +157,9 @@ impl Args {
                     rows: Vec::new(),
                 };
                 for run in runs_of(part) {
+                    if interrupted.load(Ordering::Relaxed) {
+                        return Ok(());
+                    }
                     table.rows.push(runs.row(run));
                     bar.inc(1);
                 }
@@ -175,11 +182,20 @@ impl Args {
             kept.find(Result::is_err).unwrap_or(Ok(()))
         })?;
         bar.finish_and_clear();
+        let made = missing.iter().filter(|part| folder.has(**part)).count();
+        if interrupted.load(Ordering::Relaxed) && made < missing.len() {
+            let (of, out) = (missing.len(), self.out.display());
+            eprintln!(
+                "interrupted: {made} of {of} parts were made and are kept in {out}: the same command goes on there"
+            );
+            return Ok(Exit::Interrupted);
+        }
         if self.shard.is_some() {
             claims.tell(&format!("{} parts made\n", missing.len()));
-            return Ok(());
+            return Ok(Exit::Finished);
         }
-        merge::conclude(&[folder], csv, &claims)
+        merge::conclude(&[folder], csv, &claims)?;
+        Ok(Exit::Finished)
     }
 }
 

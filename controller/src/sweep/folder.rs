@@ -51,13 +51,22 @@ pub enum SweepError {
         what: &'static str,
     },
     /// There are not all parts.
-    #[error("runs {runs} are missing, and {more} other parts: finish the sweep first")]
+    #[error("runs {runs} are missing{}: finish the sweep first", others(*more))]
     Missing {
         /// Of the first part that is missing.
         runs: String,
         /// How many more parts are.
         more: usize,
     },
+}
+
+/// So many parts more are missing, in words.
+fn others(more: usize) -> String {
+    match more {
+        0 => String::new(),
+        1 => ", and another part".to_owned(),
+        more => format!(", and {more} other parts"),
+    }
 }
 
 /// What a sweep is of. Parts of equal sweeps can stand in one table.

@@ -194,19 +194,33 @@ impl Variable {
         let from = table.number(log, "from", allowed, |_| true);
         let least = from.as_ref().map_or(f64::MIN, |from| *from.get_ref());
         let to = table.number(log, "to", "a number above `from`", |to| to > least);
-        let steps = if is_grid {
-            let unit = " values, both ends included";
-            table
-                .integer(log, "steps", 2..=MOST as i64, unit)?
-                .into_inner() as u64
-        } else {
-            0
+        let steps = match is_grid {
+            true => {
+                let unit = " values, both ends included";
+                Some(table.integer(log, "steps", 2..=MOST as i64, unit)?)
+            }
+            false => None,
         };
         let (from, to) = (from?, to?);
         let whole = |place: std::ops::Range<usize>| -> Option<i64> {
             source[place].replace('_', "").parse().ok()
         };
-        Some(match (whole(from.span()), whole(to.span())) {
+        let ends = (whole(from.span()), whole(to.span()));
+        if let (Some(from), Some(to)) = ends
+            && let Some(steps) = &steps
+            && (i128::from(to) - i128::from(from)) % i128::from(*steps.get_ref() - 1) != 0
+        {
+            let place = steps.span();
+            let told = format!(
+                "{} whole numbers from {from} to {to} are not evenly apart",
+                steps.get_ref()
+            );
+            let allowed =
+                "`steps` that part the range evenly, `values`, or ends with a point as 1.0";
+            log.report(place, told, allowed);
+        }
+        let steps = steps.map_or(0, |steps| steps.into_inner() as u64);
+        Some(match ends {
             (Some(from), Some(to)) => Values::Whole { from, to, steps },
             _ => Values::Real {
                 from: from.into_inner(),
@@ -351,9 +365,9 @@ mod tests {
         prop_oneof![
             prop::collection::btree_set(-999..999i64, 1..5)
                 .prop_map(|values| Values::Listed(values.iter().map(i64::to_string).collect())),
-            (-1000..1000i64, 1..1000i64, 2..5u64).prop_map(|(from, span, steps)| Values::Whole {
+            (-1000..1000i64, 1..300i64, 2..5u64).prop_map(|(from, apart, steps)| Values::Whole {
                 from,
-                to: from + span,
+                to: from + apart * (steps as i64 - 1),
                 steps
             }),
             (-1e6..1e6f64, 1e-6..1e6f64, 2..5u64).prop_map(|(from, span, steps)| Values::Real {
@@ -449,12 +463,10 @@ mod tests {
             let ends: Vec<_> = vary.variables.iter().map(|it| {
                 [0, it.values.steps() - 1].map(|step| it.values.value(At::Step(step)))
             }).collect();
-            // Of whole numbers two steps can be the same.
-            let whole = vary.variables.iter().any(|it| matches!(it.values, Values::Whole { .. }));
             let plan = Plan::new(vary.clone(), None, 7).unwrap();
             prop_assert_eq!(plan.runs(), steps);
             let all: BTreeSet<_> = (0..steps).map(|run| plan.values(run)).collect();
-            prop_assert!(whole || all.len() as u64 == steps, "{} of {}", all.len(), steps);
+            prop_assert_eq!(all.len() as u64, steps);
             for (index, variable) in vary.variables.iter().enumerate() {
                 let of_it: BTreeSet<_> = all.iter().map(|values| &values[index]).collect();
                 prop_assert!(ends[index].iter().all(|end| of_it.contains(end)));
@@ -518,6 +530,10 @@ mod tests {
             (
                 "method = \"grid\"\n[[vary]]\nkey = \"a\"\nfrom = 1\nto = 2\n",
                 "missing key `steps`",
+            ),
+            (
+                "method = \"grid\"\n[[vary]]\nkey = \"a\"\nfrom = 0\nto = 10\nsteps = 4\n",
+                "4 whole numbers from 0 to 10 are not evenly apart",
             ),
             (
                 "method = \"monte_carlo\"\n[[vary]]\nkey = \"a\"\nfrom = 2\nto = 2\n",

@@ -148,6 +148,8 @@ impl fmt::Display for Findings<'_> {
             let kind = WORST.iter().find(|(name, _)| column.ends_with(name));
             if let Some((worst, row)) = kind.and_then(|(_, most)| table.worst(index, *most)) {
                 let run = tell(row);
+                // To six decimals; the table has all.
+                let worst = (worst * 1e6).round() / 1e6;
                 writeln!(f, "worst              {column} {worst} in run {run}")?;
             }
         }

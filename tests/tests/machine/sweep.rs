@@ -174,10 +174,31 @@ fn the_worst_circle_of_a_run_has_a_column() {
         assert_eq!(json["path"]["max_circular_deviation_mm"], greatest);
         worst = worst.max(greatest);
     }
+    let worst = (worst * 1e6).round() / 1e6;
     assert!(told.contains(&format!("{COLUMN} {worst} in run")), "{told}");
     let (_, without, told) = of(PROGRAM);
     assert!(without.iter().all(|row| row[COLUMN].is_empty()));
     assert!(!told.contains(COLUMN), "{told}");
+}
+
+/// Ctrl-C says what there is already, and how to go on from there.
+#[test]
+fn an_interrupted_sweep_says_what_is_kept() {
+    let files = Files::new(VARY);
+    let mut command = files.sweep("out", &["--runs", "400", "--part", "1", "--jobs", "1"]);
+    let sweep = command.stderr(Stdio::piped()).spawn().unwrap();
+    while !files.folder.path("out/part-000000.csv").exists() {
+        sleep(Duration::from_millis(10));
+    }
+    let pid = sweep.id().to_string();
+    let killed = Command::new("kill").args(["-INT", &pid]).status();
+    assert!(killed.unwrap().success());
+    let output = sweep.wait_with_output().unwrap();
+    let (code, _, said) = ended(&output);
+    assert_eq!(code, 130, "{said}");
+    let parts = fs::read_dir(files.folder.path("out")).unwrap().count() - 1;
+    let told = format!("interrupted: {parts} of 400 parts were made and are kept in ");
+    assert!(said.contains(&told), "{told}: {said}");
 }
 
 /// Whatever processes make the parts, in one folder or in several, the table is the same to the byte.
@@ -197,7 +218,10 @@ fn shards_come_to_what_one_process_comes_to() {
     sweep("together", &["--shard", "0/2"]);
     let (code, _, said) = files.merge(&["together"]);
     assert_eq!(code, 2);
-    assert!(said.contains("runs 2 to 3 are missing"), "{said}");
+    assert!(
+        said.contains("runs 2 to 3 are missing, and another part: "),
+        "{said}"
+    );
     sweep("other", &["--shard", "2/3"]);
     sweep("together", &["--shard", "1/2"]);
     sweep("other", &["--shard", "0/3"]);
