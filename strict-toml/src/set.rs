@@ -22,6 +22,11 @@ pub enum SetError {
         /// The name that none in it has.
         name: String,
     },
+    /// The key leads to a table.
+    #[error(
+        "`{0}`: that is a table: name the key in it that is to be set, as in axis.X.max_jerk=40000"
+    )]
+    Table(String),
     /// The file is no TOML, or a key of the path has a value that is no table.
     #[error("`{0}` cannot be set in this file: write it there")]
     NoPlace(String),
@@ -75,6 +80,9 @@ pub fn set(source: &str, setting: &str) -> Result<String, SetError> {
             }
             _ => return Err(no_place()),
         };
+    }
+    if path.is_empty() {
+        return Err(SetError::Table(setting.to_owned()));
     }
     added(source, document.get_ref(), table, path, value).ok_or_else(no_place)
 }
@@ -214,6 +222,7 @@ mod tests {
             ("a=1\nb=2", "no `KEY=VALUE`"),
             ("axis.Z.max=1", "there is no axis \"Z\""),
             ("top.max=1", "cannot be set"),
+            ("axis.X=1", "that is a table"),
             ("axis.X.max.most=1", "cannot be set"),
         ] {
             let error = set(TEXT, setting).unwrap_err().to_string();

@@ -43,6 +43,12 @@ pub struct Bounds {
 /// Bounds that an axis does not have.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum OutOfBounds {
+    /// It leads nowhere.
+    #[error("--travel {} {}: write the lesser position first, as in --travel {} {}", travel.0, travel.1, travel.1, travel.0)]
+    Order {
+        /// What is asked for.
+        travel: (f64, f64),
+    },
     /// It goes beyond the soft limits.
     #[error("--travel {} to {}: the soft limits of axis {axis} are {} to {}", travel.0, travel.1, limits.0, limits.1)]
     Travel {
@@ -54,7 +60,9 @@ pub enum OutOfBounds {
         limits: (f64, f64),
     },
     /// It is none.
-    #[error("--speed {speed}: axis {axis} goes from 0 to {limit}")]
+    #[error(
+        "--speed {speed}: allowed for axis {axis}: above 0, up to its velocity limit of {limit} {unit}"
+    )]
     Speed {
         /// The axis.
         axis: &'static str,
@@ -62,6 +70,8 @@ pub enum OutOfBounds {
         speed: f64,
         /// What there is.
         limit: f64,
+        /// Of both.
+        unit: &'static str,
     },
     /// Nothing can be told from so small a motion.
     #[error(
@@ -94,6 +104,9 @@ impl Bounds {
         let limits = &axis.limits;
         let (least, most) = limits.position;
         let name = axis.name();
+        if let Some(travel) = travel.filter(|travel| travel.0 >= travel.1) {
+            return Err(OutOfBounds::Order { travel });
+        }
         if let Some(travel) = travel
             && !(least <= travel.0 && travel.0 < travel.1 && travel.1 <= most)
         {
@@ -110,6 +123,7 @@ impl Bounds {
                 axis: name,
                 speed,
                 limit: limits.velocity,
+                unit: axis.units()[1],
             });
         }
         // Away from the ends, unless a user says otherwise.

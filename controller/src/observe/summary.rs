@@ -539,7 +539,7 @@ impl fmt::Display for Summary {
                     // To the nanometre.
                     (violation.value * 1e6).round() / 1e6,
                     violation.unit,
-                    violation.limit
+                    (violation.limit * 1e6).round() / 1e6
                 )?;
             }
         }

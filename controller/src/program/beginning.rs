@@ -62,7 +62,9 @@ impl fmt::Display for Beginning {
         };
         write!(f, "{begins} with {}, at", self.modes)?;
         for axis in self.axes.iter() {
-            write!(f, " {axis}{:.3}", self.position[axis])?;
+            // Of what rounds to it there is no minus 0.
+            let position = (self.position[axis] * 1e3).round() / 1e3 + 0.0;
+            write!(f, " {axis}{position:.3}")?;
         }
         f.write_str(" in machine coordinates")?;
         match &self.switched[..] {

@@ -286,8 +286,14 @@ fn path_over_time(report: &Report) -> String {
         stepped: true,
         ..Line::below("programmed", "programmed")
     };
-    let mut all = vec![feed.over("reached", programmed)];
-    if report.turning.iter().any(|speed| *speed > 0.0) {
+    let turns = report.turning.iter().any(|speed| *speed > 0.0);
+    // Where A, B and C turn alone there is none.
+    let goes = report.feed.iter().any(|feed| *feed > 0.0);
+    let mut all = Vec::new();
+    if goes || !turns {
+        all.push(feed.over("reached", programmed));
+    }
+    if turns {
         let title = "Feed of turns alone";
         all.push(Strip::new(title, "°/s", most(&report.turning), "turning"));
     }

@@ -38,7 +38,8 @@ fn card(report: &Report, lines: &[&str], place: &WorstPlace) -> String {
         number(1000.0 * place.contour_error_mm),
         place.at.line,
         place.at.time,
-        number(1000.0 * place.rounding_mm),
+        // To the picometre: what is less is none.
+        number((1e6 * 1000.0 * place.rounding_mm).round() / 1e6),
         number(place.feed_mm_s),
         escape(text)
     )
@@ -82,6 +83,11 @@ fn picture(report: &Report, time: f64) -> Option<String> {
         off[across].hypot(off[up])
     });
     let most = most.fold(0.0, f64::max);
+    // Where A, B and C turn alone there is no path to be seen, and nothing beside it.
+    let stands = x.1 - x.0 == 0.0 && y.1 - y.0 == 0.0;
+    if stands && most < 1e-9 {
+        return None;
+    }
     let times = round_down(MAGNIFIED * HEIGHT / (most.max(1e-9) * pixels));
     let at = |point: [f64; 2]| -> Point {
         (

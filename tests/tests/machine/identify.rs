@@ -551,7 +551,12 @@ fn what_cannot_be_identified_is_refused_by_name() {
             &["--axis", "Y", "--travel", "0", "1e-3", "--speed", "50"],
             "no room",
         ),
-        (&one, &["--axis", "Y", "--speed", "1e6"], "--speed"),
+        (
+            &one,
+            &["--axis", "Y", "--travel", "10", "5"],
+            "the lesser position first, as in --travel 5 10",
+        ),
+        (&one, &["--axis", "Y", "--speed", "1e6"], " mm/s"),
         (
             &one,
             &["--axis", "Y", "--log", text],
