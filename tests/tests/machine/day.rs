@@ -367,7 +367,11 @@ fn a_machine_that_is_enabled_again_is_judged_from_where_it_stands() {
     assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
     go(&mut rig, Command::SwitchOff);
     let summary = rig.judge();
-    assert_eq!(summary.verdict, "pass", "{:#?}", summary.violations);
+    // The drive that was reset stopped the machine once; else nothing is wrong.
+    let [fault] = &summary.violations[..] else {
+        panic!("{:#?}", summary.violations);
+    };
+    assert!(fault.what.starts_with("fault: node 3 "), "{fault:?}");
     let [bus] = &summary.bus[..] else {
         panic!("the portal has one bus");
     };
