@@ -87,7 +87,7 @@ pub enum Refusal {
     #[error("the input for feed hold is on: switch it off, then go on")]
     FeedHoldOn,
     /// A jog cannot be.
-    #[error("no jog: {}", why_no_jog(*.0))]
+    #[error("not moved: {}", why_no_jog(*.0))]
     Jog(JogError),
     /// The axis with this coordinate is not referenced.
     #[error("axis {} is not referenced: home it first", letter(*.0))]

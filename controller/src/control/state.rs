@@ -164,11 +164,11 @@ impl fmt::Display for Request {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Begin => "new program",
-            Self::TypedLines => "typed lines",
+            Self::TypedLines => "typed lines or offsets",
             Self::Home => "homing",
             Self::Jog => "jog",
             Self::FeedHold => "feed hold",
-            Self::GoOn => "going on",
+            Self::GoOn => "going on or back",
             Self::Stop => "stop",
             Self::Enable => "enabling",
             Self::Disable => "disabling",

@@ -130,11 +130,11 @@ fn a_soft_limit_ends_a_long_jog_and_nothing_leads_beyond() {
         "{errors}{json}"
     );
     assert!(
-        errors.contains("no jog: the position is outside of the soft limits of Y"),
+        errors.contains("not moved: the position is outside of the soft limits of Y"),
         "{errors}"
     );
     assert!(
-        errors.contains("no jog: the machine has no axis A"),
+        errors.contains("not moved: the machine has no axis A"),
         "{errors}"
     );
     trace.assert_within_limits();

@@ -25,6 +25,8 @@ const NAME: &str = "lines";
 const LOOK: Duration = Duration::from_millis(20);
 /// Lines that are read ahead.
 const LINES: usize = 64;
+/// The word that asks what stopped the machine, on the screen, too.
+pub(super) const FAULTS: &str = "faults";
 /// The line that waits for nothing but what is under way.
 const WAIT: &str = "wait";
 
@@ -39,7 +41,7 @@ const ASKED: [(&str, &str); 4] = [
         "all that the screen shows: state, positions, program, speeds, drives, inputs …",
     ),
     (
-        "faults",
+        FAULTS,
         "what stopped the machine, where, and what may be done",
     ),
     (
@@ -181,7 +183,7 @@ impl Reader {
             "" | WAIT => {}
             "?" => self.help(),
             "status" => println!("{}", explained(&self.model, &self.machine)),
-            "faults" => println!("{}", listed(&self.view.get(), &self.machine)),
+            FAULTS => println!("{}", listed(&self.view.get(), &self.machine)),
             _ => match parsed(line) {
                 Ok(command) => return self.command(command),
                 Err(problem) => println!("{problem}"),

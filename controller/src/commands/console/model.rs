@@ -134,6 +134,15 @@ impl Model {
         stopped.faults.iter().cloned().chain(rest).collect()
     }
 
+    /// Shows them among the messages.
+    pub(super) fn tell_faults(&mut self) {
+        let faults = self.faults();
+        if faults.is_empty() {
+            self.tell("no fault".to_owned());
+        }
+        faults.into_iter().for_each(|fault| self.tell(fault));
+    }
+
     /// Shows a message.
     pub(super) fn tell(&mut self, text: String) {
         if self.messages.len() == MESSAGES {

@@ -18,6 +18,7 @@
 
 use super::super::events::{self, EVENTS};
 use super::super::keys;
+use super::lines::FAULTS;
 use super::model::Model;
 use super::view;
 use crate::control::{Layout, State};
@@ -52,6 +53,8 @@ enum Screen {
     Prompt(Option<String>),
     /// Whether the keys are shown.
     Help(bool),
+    /// What stopped the machine, once more.
+    Faults,
     /// For the operator alone.
     Tell(String),
 }
@@ -114,6 +117,7 @@ fn draw_all(
                 Screen::Prompt(text) => model.prompt = text,
                 Screen::Releases(releases) => model.releases = releases,
                 Screen::Help(shown) => model.help = shown,
+                Screen::Faults => model.tell_faults(),
                 Screen::Tell(text) => model.tell(text),
             }
         }
@@ -293,8 +297,12 @@ impl Keyboard {
         match code {
             KeyCode::Enter => {
                 self.show(Screen::Prompt(None));
+                if text == FAULTS {
+                    self.show(Screen::Faults);
+                    return Ok(());
+                }
                 let (name, value) = text.split_once(' ').unwrap_or((&text, ""));
-                return match events::command(name, value.trim(), &[]) {
+                return match events::command(name, value.trim(), &[FAULTS]) {
                     Ok(command) => self.command(command),
                     Err(problem) => {
                         self.show(Screen::Tell(problem));
@@ -308,7 +316,7 @@ impl Keyboard {
                 self.type_on(text);
             }
             KeyCode::Tab => {
-                let known = EVENTS.iter().map(|event| event.name);
+                let known = EVENTS.iter().map(|event| event.name).chain([FAULTS]);
                 let known: Vec<_> = known.filter(|name| name.starts_with(&text)).collect();
                 self.show(Screen::Tell(known.join(", ")));
                 self.type_on(match known[..] {

@@ -18,6 +18,9 @@ use ratatui::widgets::{Block, Borders, Clear, Paragraph, Wrap};
 const POSITIONS: u16 = 43;
 /// From this width on the program stands beside the messages.
 const WIDE: u16 = 120;
+/// Columns and rows of the speeds, overrides and what else stands beside the positions.
+const VALUES: u16 = 32;
+const VALUE_ROWS: u16 = 8;
 
 /// Every key, and what it does.
 const KEYS: [(&str, &str); 17] = [
@@ -53,9 +56,15 @@ const KEYS: [(&str, &str); 17] = [
 pub(super) fn draw(frame: &mut Frame, model: &Model) {
     let axes = model.axes.len() as u16;
     let signals = signal_rows(model, frame.area().width);
+    // Beside each other, or below where there is no room for that.
+    let is_narrow = frame.area().width < POSITIONS + VALUES;
+    let height = match is_narrow {
+        true => axes + 1 + VALUE_ROWS,
+        false => (axes + 2).max(VALUE_ROWS),
+    };
     let [head, body, wired, codes, block, rest, foot] = Layout::vertical([
         Constraint::Length(1),
-        Constraint::Length((axes + 2).max(8)),
+        Constraint::Length(height),
         Constraint::Length(signals.len() as u16),
         Constraint::Length(2),
         Constraint::Length(1),
@@ -63,8 +72,11 @@ pub(super) fn draw(frame: &mut Frame, model: &Model) {
         Constraint::Length(1),
     ])
     .areas(frame.area());
-    let [positions, values] =
-        Layout::horizontal([Constraint::Length(POSITIONS), Constraint::Min(20)]).areas(body);
+    let [positions, values] = match is_narrow {
+        true => Layout::vertical([Constraint::Length(axes + 1), Constraint::Min(0)]),
+        false => Layout::horizontal([Constraint::Length(POSITIONS), Constraint::Min(0)]),
+    }
+    .areas(body);
     frame.render_widget(header(model, head.width), head);
     frame.render_widget(Paragraph::new(position_rows(model)), positions);
     frame.render_widget(Paragraph::new(value_rows(model, values.width)), values);
@@ -371,6 +383,11 @@ mod tests {
     #[test]
     fn a_small_terminal_shows_all_that_matters() {
         insta::assert_snapshot!(drawn(&model(), 80, 24));
+    }
+
+    #[test]
+    fn a_narrow_one_has_the_values_below_the_positions() {
+        insta::assert_snapshot!(drawn(&model(), 60, 30));
     }
 
     #[test]
