@@ -9,7 +9,7 @@ use arrow_array::ffi_stream::FFI_ArrowArrayStream;
 use arrow_array::{Array, ArrayRef, Float64Array, RecordBatch, RecordBatchIterator, UInt32Array};
 use arrow_schema::ffi::FFI_ArrowSchema;
 use arrow_schema::{DataType, Field, FieldRef, Schema};
-use pyo3::exceptions::PyKeyError;
+use pyo3::exceptions::{PyIndexError, PyKeyError};
 use pyo3::prelude::*;
 use pyo3::types::{PyCapsule, PyDict, PyIterator, PyList};
 use std::collections::HashMap;
@@ -159,6 +159,25 @@ impl Column {
 
     fn __len__(&self) -> usize {
         self.values.len()
+    }
+
+    /// One of its values; from the end where it is negative.
+    fn __getitem__<'py>(&self, py: Python<'py>, at: isize) -> PyResult<Bound<'py, PyAny>> {
+        let length = self.values.len();
+        let place = if at < 0 { at + length as isize } else { at };
+        let place = usize::try_from(place).ok().filter(|it| *it < length);
+        let place = place.ok_or_else(|| {
+            PyIndexError::new_err(format!("{at}: the column has {length} values"))
+        })?;
+        let values = self.values.as_any();
+        Ok(match values.downcast_ref::<UInt32Array>() {
+            Some(counts) => counts.value(place).into_pyobject(py)?.into_any(),
+            None => {
+                let numbers = values.downcast_ref::<Float64Array>();
+                let number = numbers.map_or(f64::NAN, |numbers| numbers.value(place));
+                number.into_pyobject(py)?.into_any()
+            }
+        })
     }
 
     /// NumPy's array interface.

@@ -129,6 +129,17 @@ def test_numpy_and_arrow_look_at_the_same_memory(rosette):
         assert table.schema.field(name).metadata[b"unit"].decode() == column.unit
 
 
+def test_a_column_has_its_values_by_their_places(rosette):
+    for name in ["line", "X_set"]:
+        column = rosette.trace[name]
+        seen = np.asarray(column)
+        assert [column[at] for at in (0, 7, -1)] == [seen[0], seen[7], seen[-1]]
+        assert list(column) == list(seen)
+        for beyond in (len(column), -len(column) - 1):
+            with pytest.raises(IndexError, match="the column has"):
+                column[beyond]
+
+
 def test_a_view_keeps_its_memory_and_cannot_be_written(part):
     seen = np.asarray(syncline.validate(MACHINE, part).trace["X_set"])
     table = pa.table(syncline.validate(MACHINE, part).trace)
