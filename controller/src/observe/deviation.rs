@@ -129,9 +129,7 @@ impl Deviation {
         if self.without_moves {
             return self.observe_trail(observed, tool, time, violations);
         }
-        let at_work = observed
-            .tag
-            .and_then(|tag| Some((tag, observed.moves.motion(tag)?)));
+        let at_work = (observed.tag).zip(observed.moves.motion(plan.tag));
         let Some((tag, motion)) = at_work else {
             self.trail.clear();
             return None;
@@ -163,6 +161,7 @@ impl Deviation {
             off = off.min(ahead.away);
         }
         self.drives.look(off, at);
+        // A rounding is all of it the move's before it.
         let allowed = motion.tolerance;
         (self.watch).look(violations, at, deviation, allowed, |_| {
             violation("path_deviation", at, deviation, allowed)
