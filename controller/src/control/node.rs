@@ -680,7 +680,9 @@ impl DeviceNode {
     pub(super) fn ask_survey(&mut self) {
         let survey = self.survey();
         let history = self.device.spec().history.iter().copied();
-        self.sequence.extend(survey.map(Step::Survey));
+        survey
+            .into_iter()
+            .for_each(|survey| self.sequence.survey(survey));
         self.sequence.extend(history.map(Step::History));
     }
 

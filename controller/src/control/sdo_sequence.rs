@@ -255,13 +255,18 @@ impl SdoSequence {
         std::mem::take(&mut self.unanswered)
     }
 
+    /// Adds the step that looks whether the device has power.
+    pub(super) fn survey(&mut self, survey: Survey) {
+        self.found_on = false;
+        self.steps.push_back(Step::Survey(survey));
+    }
+
     /// Forgets the steps that are left; an answer under way is awaited and dropped.
     pub(super) fn clear(&mut self) {
         self.steps.clear();
         self.tries = 0;
         self.give_up = None;
         self.unanswered = false;
-        self.found_on = false;
         self.stale = self.client.is_busy();
     }
 

@@ -2,18 +2,19 @@
 //!
 //! The controller that left them so may be gone, or may be at work: then whoever takes the power of its drives stops
 //! its axes in motion. A controller of synchronised drives shows by its SYNC. So the drives' states are read, which
-//! changes nothing, and where one has power the bus is listened to for [`LISTENS`], as long as the period of a SYNC can
-//! be. A SYNC of another controller, as any frame that only a controller sends, is a fault (`Layout::second_master`);
-//! until then no node has been commanded, and so none is on the way down.
+//! changes nothing, and where one has power the bus is listened to for [`LISTENS`], longer than the period of a SYNC can
+//! be. A SYNC, an NMT command and a heartbeat with this controller's own node number come of another controller, and are a
+//! fault (`Layout::second_master`); until then no node has been commanded, and so none is on the way down. A controller that
+//! sends none of these in that time is not heard.
 
 use super::node::DeviceNode;
 use super::{Controller, Outbox, Phase};
 use crate::machine::LONGEST_CYCLE;
 use syncline_canopen::time::Duration;
 
-/// The longest period of a SYNC that a machine file can state. An object 1006h could hold one of an hour, but no drive follows setpoints
-/// that come once in more than this.
-const LISTENS: Duration = LONGEST_CYCLE;
+/// The longest period of a SYNC that a machine file can state, and a tenth: the other's clock is another, and its frames are late at times.
+/// An object 1006h could hold a period of an hour, but no drive follows setpoints that come once in more than this.
+const LISTENS: Duration = Duration::from_millis(LONGEST_CYCLE.as_millis() as u64 / 10 * 11);
 
 impl<const N: usize> Controller<N> {
     /// Once the drives' states are read, has those switched off that have power, unless another controller is heard.

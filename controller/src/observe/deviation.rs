@@ -142,7 +142,7 @@ impl Deviation {
         };
         let (position, actual) = (on_path(plan.position), &on_path(*actual));
         let at_tool = &on_path(*tool);
-        let foot = (self.course).nearest(observed.moves, tag, plan.distance, &position);
+        let foot = self.course.nearest(observed, tag, &position);
         let deviation = foot.as_ref().map_or(f64::INFINITY, |foot| foot.away);
         (self.trail).push(row.cycle, position, plan.velocity, at_tool);
         let reach = self.trail.reach() + CORNER * deviation;
@@ -233,6 +233,8 @@ impl Deviation {
 /// Where on the program's moves the path is.
 #[derive(Clone, Copy, Debug, Default)]
 struct Course {
+    /// Of which job.
+    job: u64,
     /// Of the move that the path has come to.
     tag: u32,
     /// Where that begins by the path's distance, mm.
@@ -245,18 +247,21 @@ impl Course {
     /// The nearest place to a setpoint at that distance of the path, whose move has this tag. It is sought from where the path is
     /// on that, so far along it as a rounding or a shaper may have the setpoint aside: what crosses there from elsewhere, also a
     /// later part of the same move, does not count.
-    fn nearest(
-        &mut self,
-        moves: &Moves,
-        tag: u32,
-        distance: f64,
-        point: &Position,
-    ) -> Option<Foot> {
+    fn nearest(&mut self, observed: &Observed, tag: u32, point: &Position) -> Option<Foot> {
+        let (job, moves) = (observed.job, observed.moves);
+        if job != self.job {
+            *self = Self {
+                job,
+                ..Self::default()
+            };
+        }
+        let distance = observed.row.plan.distance;
         let curve = moves.motion(tag)?.curve();
         let length = curve.length();
         if tag != self.tag {
             let entered = if tag > self.tag { 0.0 } else { length };
-            let gone = (distance - self.distance).abs();
+            // A plan behind a probing or a homing counts from 0, too.
+            let gone = (distance - self.distance).abs().min(distance.abs());
             let near = gone + CORNER * norm(&curve.at(entered).q, point);
             let range = (entered - near).max(0.0)..(entered + near).min(length);
             (self.tag, self.from) = (tag, distance - foot(&curve, point, &range).1);

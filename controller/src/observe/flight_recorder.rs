@@ -136,7 +136,9 @@ pub struct FlightRecorder {
     frames: LastSeconds<(usize, Frame)>,
     inputs: u64,
     /// Axes were followed since the last recording.
-    has_moments: bool,
+    followed: bool,
+    /// How the last recording began: its first fault.
+    recorded: Option<String>,
     /// What stopped the machine and is not written yet, the first cause first.
     faults: Vec<String>,
     writing: Option<JoinHandle<io::Result<PathBuf>>>,
@@ -219,7 +221,8 @@ impl FlightRecorder {
             moments: LastSeconds::new(kept, moments + 1),
             frames: LastSeconds::new(kept, frames),
             inputs: 0,
-            has_moments: false,
+            followed: false,
+            recorded: None,
             faults: Vec::new(),
             writing: None,
         })
@@ -265,22 +268,24 @@ impl FlightRecorder {
             inputs: self.inputs,
             analog_inputs: row.analog_inputs,
         };
-        self.has_moments = true;
+        self.followed = true;
         self.moments.push(row.at, moment);
     }
 
-    /// The machine rests: has what led to its fault written, if there was one. Where it was not followed since the last recording, as
-    /// behind a reset in vain, there is nothing that is not in there; and what was there before is not written over.
+    /// The machine rests: has what led to its fault written, if there was one. Where that begins as the last recording did and no axis was
+    /// followed since, as behind a reset in vain, nothing is written: older recordings, which say more, would go for it.
     pub fn write(&mut self) -> Option<Result<FaultFiles, NotRecorded>> {
         if self.faults.is_empty() || self.writing.is_some() {
             return None;
         }
-        if !take(&mut self.has_moments) {
+        let first = self.faults.first().cloned();
+        if !take(&mut self.followed) && self.recorded == first {
             self.faults.clear();
             self.moments.until = None;
             self.frames.until = None;
             return None;
         }
+        self.recorded = first;
         let recording = Recording {
             legend: Arc::clone(&self.legend),
             origin: self.origin,

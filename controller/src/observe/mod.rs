@@ -104,6 +104,8 @@ pub struct Observed<'a> {
     pub waits: bool,
     /// No job is at work, and nothing is asked for.
     pub idle: bool,
+    /// The job at work: each counts its path from 0.
+    pub job: u64,
     /// The program's moves about here.
     pub moves: &'a Moves,
     /// The tag of the move that the path has come to; `None` while the axes are off the path.

@@ -697,6 +697,7 @@ impl Desk {
             line: self.job.line,
             waits: self.status.waits,
             idle: matches!(self.state, State::Ready | State::Faulted | State::Disabled),
+            job: self.job.number,
             moves: &self.job.moves,
             tag: self.job.tag,
         });

@@ -42,10 +42,14 @@ fn fail(rig: &mut Rig, drive: usize) {
     rig.twin(drive).disturb(fault);
     settle(rig);
     assert_eq!(state(rig), State::Faulted);
+    await_files(rig, 2000);
+}
+
+/// Waits for so many cycles at most until the files of a fault are written, in the host's time.
+fn await_files(rig: &mut Rig, cycles: usize) {
     let told = |rig: &Rig| rig.recorded.len() + rig.problems.len();
     let before = told(rig);
-    // The files are written in the host's time.
-    for _ in 0..2000 {
+    for _ in 0..cycles {
         rig.step();
         if told(rig) > before {
             break;
@@ -181,6 +185,36 @@ fn a_fault_leaves_what_was_before() {
         "{second}"
     );
     assert_eq!(second.matches("# cause").count(), 1);
+}
+
+/// A machine that does not come up again leaves one recording of that, however often it is reset, and one of the next cause.
+#[test]
+fn resets_in_vain_leave_one_recording() {
+    let (mut rig, folder) = recorded(1);
+    fail(&mut rig, 2);
+    let mut reset = |drive: usize, resets: usize, recordings: usize| {
+        rig.twin(drive).disturb(Disturbance::Mute(true));
+        for _ in 0..resets {
+            rig.command(Command::Reset);
+            rig.run_until(|rig| state(rig) == State::Starting);
+            rig.run_until(|rig| state(rig) == State::Faulted);
+            await_files(&mut rig, 100);
+        }
+        rig.twin(drive).disturb(Disturbance::Mute(false));
+        assert_eq!(rig.recorded.len(), recordings, "{:?}", rig.problems);
+    };
+    reset(1, 3, 2);
+    reset(3, 2, 3);
+    let causes = [1, 2, 3].map(|number| {
+        let table = fs::read_to_string(folder.join(format!("fault-{number}.csv"))).unwrap();
+        table.lines().next().unwrap_or_default().to_owned()
+    });
+    let nodes = ["node 3", "node 2", "node 4"];
+    let of = causes.iter().zip(nodes);
+    assert!(
+        of.clone().all(|(cause, node)| cause.contains(node)),
+        "{causes:?}"
+    );
 }
 
 /// What the bus carries in a run that fails and goes on.

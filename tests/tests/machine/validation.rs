@@ -726,4 +726,35 @@ proptest! {
         let crossed = rounded(&format!("{between}{}{}", through(30.0), through(-30.0)));
         prop_assert!((crossed.0 - alone.0).abs() < 1e-9 && crossed.1 >= alone.1 - 1e-9, "{crossed:?}, alone {alone:?}");
     }
+
+    /// Each job of a day counts its path from its own beginning: whatever was before, also a curve that ends where it begins is followed.
+    #[test]
+    fn each_job_is_measured_along_its_own_path(
+        jobs in prop::collection::vec((1..4_usize, 0..3_u32, -20..21_i32), 2..5),
+    ) {
+        let mut events = "t_s,event,value\n".to_owned();
+        for (lines, kind, size) in jobs {
+            let size = f64::from(size) + 0.5;
+            let curve = match kind {
+                0 => format!("G2 I{size} J1"),
+                1 => format!("G3 I{size} J1 Z1 P2; G1 Z0"),
+                _ => format!("G2 I{size} J1 P2"),
+            };
+            let before: Vec<_> = (1..=lines).map(|at| format!("G1 X{at} F6000; ")).collect();
+            let before = before.concat();
+            let job = if size > 0.0 { before + &curve } else { curve.replace("G2", "G2 F6000").replace("G3", "G3 F6000") };
+            events += &format!(",mdi,G61.1; {job}\n");
+        }
+        let folder = Folder::new();
+        let events = folder.file("day.csv", &events);
+        let output = syncline()
+            .args(["validate", "--json", "-", "--events"])
+            .args([&events, &folder.machine("xyz")])
+            .output()
+            .unwrap();
+        let (_, json, errors) = ended(&output);
+        let found: Value = serde_json::from_str(json).unwrap_or_else(|error| panic!("{error}: {errors}"));
+        prop_assert_eq!(&found["violations"], &Value::Array(Vec::new()), "{:?}", std::fs::read_to_string(&events));
+        prop_assert!(number(&found, "/path/max_contour_error_mm") < 0.02, "{found:#}");
+    }
 }
