@@ -25,7 +25,7 @@ class Column:
     def unit(self) -> str:
         """`mm`, `mm/s`, `s`; empty where there is none."""
     def __len__(self) -> int: ...
-    def __getitem__(self, at: int) -> float:
+    def __getitem__(self, at: int) -> int | float:
         """One of its values; slices are NumPy's affair."""
     @property
     def __array_interface__(self) -> dict[str, Any]: ...

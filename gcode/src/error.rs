@@ -299,7 +299,7 @@ pub enum Fault {
     #[error("{code} needs a spindle at one speed: write G97 and S before")]
     ThreadSurface { code: Code },
     #[error(
-        "axis words without a motion: write G0, G1, G2 or G3 in this block, or before and no G80 since"
+        "axis words without a motion: write G0, G1, G2 or G3 in this block, or before it with no G80 in between"
     )]
     NoMotion,
     #[error("polar coordinates give X and Y: leave either these or `@` and `^` out")]

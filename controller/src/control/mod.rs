@@ -250,6 +250,8 @@ pub struct Controller<const N: usize> {
     sync_on: bool,
     /// NMT commands were sent, so that its nodes are this controller's to take out of Operational again.
     commands_nodes: bool,
+    /// Another controller was heard before any node was commanded: all stay as they are.
+    left_to_another: bool,
     /// SYNCs sent.
     syncs: u64,
     /// When the running cycle's SYNC left.
@@ -375,6 +377,7 @@ impl<const N: usize> Controller<N> {
             setpoint_is_next: false,
             sync_on: false,
             commands_nodes: false,
+            left_to_another: false,
             syncs: 0,
             sync_sent: None,
             heartbeat_due: start,

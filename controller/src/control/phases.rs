@@ -212,7 +212,9 @@ impl<const N: usize> Controller<N> {
             Phase::Disabled => {
                 self.frozen = false;
                 self.set_power(PowerCommand::Disable);
-                self.ask(DeviceNode::release_torque);
+                if !self.left_to_another {
+                    self.ask(DeviceNode::release_torque);
+                }
                 self.keep_references();
             }
             Phase::Disable => {
@@ -292,10 +294,10 @@ impl<const N: usize> Controller<N> {
     pub(super) fn go_to(&mut self, goal: Goal) {
         self.goal = goal;
         let next = match self.phase {
-            Phase::Survey | Phase::Boot | Phase::SetUp | Phase::Start | Phase::Lock => {
-                Phase::Release
-            }
+            Phase::Survey => self.leave_survey(),
+            Phase::Boot | Phase::SetUp | Phase::Start | Phase::Lock => Phase::Release,
             Phase::Disabled if !self.sync_on => match goal {
+                Goal::Off(_) if self.left_to_another => Phase::PreOperational,
                 Goal::Off(_) => Phase::Release,
                 Goal::Ready | Goal::Disabled => return,
             },
@@ -350,6 +352,7 @@ impl<const N: usize> Controller<N> {
     fn bring_up(&mut self) {
         self.sync_on = false;
         self.sync_sent = None;
+        self.left_to_another = false;
         self.nodes.iter_mut().for_each(DeviceNode::forget);
         for bus in 0..self.misses.len() {
             self.misses[bus].forgive();

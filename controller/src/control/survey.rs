@@ -4,9 +4,10 @@
 //! its axes in motion. A controller of synchronised drives shows by its SYNC. So the drives' states are read, which
 //! changes nothing, and where one has power the bus is listened to for [`LISTENS`], longer than the period of a SYNC can
 //! be. A SYNC, an NMT command and a heartbeat with this controller's own node number come of another controller, and are a
-//! fault (`Layout::second_master`); until then no node has been commanded, and so none is on the way down. A controller that
+//! fault (`Layout::second_master`); until then no node has been commanded, and none is on the way down, also behind a reset of this controller, which may have commanded them before. A controller that
 //! sends none of these in that time is not heard.
 
+use super::fault::{BusCause, Fault};
 use super::node::DeviceNode;
 use super::{Controller, Outbox, Phase};
 use crate::machine::LONGEST_CYCLE;
@@ -29,5 +30,28 @@ impl<const N: usize> Controller<N> {
             self.commands_nodes = true;
             self.nodes.iter_mut().for_each(DeviceNode::switch_found_off);
         }
+    }
+
+    /// How it goes on where the survey is broken off. Where another controller was heard its nodes stay as they are, also those that this
+    /// one has commanded before a reset.
+    pub(super) fn leave_survey(&mut self) -> Phase {
+        let others = |fault: &Fault| {
+            let Fault::Bus(_, cause) = fault else {
+                return false;
+            };
+            matches!(
+                cause,
+                BusCause::SecondSync
+                    | BusCause::SecondNmtMaster { .. }
+                    | BusCause::SecondController { .. }
+            )
+        };
+        self.left_to_another = self.faults.iter().any(others);
+        if !self.left_to_another {
+            return Phase::Release;
+        }
+        self.commands_nodes = false;
+        self.nodes.iter_mut().for_each(DeviceNode::leave);
+        Phase::PreOperational
     }
 }

@@ -110,7 +110,7 @@ impl Watch {
         violation: impl FnOnce(Place) -> Violation,
     ) {
         let goes_on = (self.stretch.as_ref()).is_some_and(|(began, _)| began.line == at.line);
-        if value > limit || !goes_on {
+        if value > limit * (1.0 + ROUNDING) || !goes_on {
             self.look(violations, at, value, limit, violation);
         }
     }

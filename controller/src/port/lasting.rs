@@ -1,4 +1,4 @@
-//! A connection that outlasts its server: once that is gone a thread connects anew, at once and then every second, so
+//! A connection that outlasts its server: once that is gone a thread connects anew, once a second at most, so
 //! that a reset behind the fault finds the bus as soon as there is a server again. The cycle waits for none of it.
 
 use super::PortError;
@@ -37,8 +37,13 @@ impl Lasting {
         let (lost, is_lost) = channel::bounded::<()>(1);
         let (give, opened) = channel::bounded(1);
         let connect = move || {
+            let mut last: Option<std::time::Instant> = None;
             while is_lost.recv().is_ok() {
                 loop {
+                    // A server that greets and hangs up is not asked without end.
+                    let early = last.and_then(|last| PAUSE.checked_sub(last.elapsed()));
+                    thread::sleep(early.unwrap_or_default());
+                    last = Some(std::time::Instant::now());
                     let attempt = url.open(bit_rate, End::Client);
                     let is_open = attempt.is_ok();
                     if give.send(attempt).is_err() {
@@ -47,7 +52,6 @@ impl Lasting {
                     if is_open {
                         break;
                     }
-                    thread::sleep(PAUSE);
                 }
             }
         };

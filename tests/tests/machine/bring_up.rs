@@ -4,9 +4,10 @@ use syncline_canopen::cia402::{State, Statusword};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, Instant, NodeId, nmt};
 use syncline_controller::control::fault::{BusCause, DeviceCause};
-use syncline_controller::control::{End, Event, Fault, Phase};
+use syncline_controller::control::{self, End, Event, Fault, Phase};
 use syncline_controller::machine::Machine;
 use syncline_controller::port::{Port, sim};
+use syncline_controller::session::Command;
 use syncline_drives::bus::{Sender, Transmission};
 use syncline_drives::twin::{Config, Disturbance, ErrorClass};
 use syncline_tests::rig::{PORTAL_PROGRAM, Rig};
@@ -453,6 +454,49 @@ fn a_drive_that_another_controller_runs_is_left_alone() {
         assert_eq!(frames.iter().filter(of_port).find(|it| commands(it)), None);
         assert!(rig.twin(2).observe().is_powered);
     }
+}
+
+/// The same where this controller had commanded its nodes, until a fault: a reset beside the other one's SYNC touches none of them, and
+/// so does switching off behind that.
+#[test]
+fn a_reset_beside_another_controller_leaves_its_nodes_alone() {
+    let mut rig = crate::losses::staying_on(&[]);
+    rig.run_until(|rig| rig.session.status().state == control::State::Ready);
+    rig.intrude(0, Frame::new(CobId::SYNC, &[]));
+    rig.run_until(|rig| rig.session.status().state == control::State::Faulted);
+    for _ in 0..100 {
+        rig.step();
+    }
+    rig.command(Command::Reset);
+    rig.run_until(|rig| rig.session.status().state == control::State::Starting);
+    // Without the SYNC of this controller: the other one has enabled it.
+    rig.twin(2).disturb(Disturbance::FoundEnabled);
+    let before = rig.frames().len();
+    // Reset and set up by the other one, they hear its SYNC.
+    for _ in 0..20 {
+        rig.step();
+    }
+    rig.intrude(0, Frame::new(CobId::SYNC, &[]));
+    rig.run_until(|rig| rig.session.status().state == control::State::Faulted);
+    for _ in 0..100 {
+        rig.step();
+    }
+    rig.command(Command::SwitchOff);
+    while rig.step() {}
+    let of_port = |it: &&Transmission| it.sender == Sender::Port;
+    let frames = rig.frames();
+    let sent = frames[before..].iter().filter(of_port);
+    let touches = |it: &&Transmission| {
+        let writes = nodes(&rig).any(|(_, node)| {
+            it.frame.id() == CanId::from(CobId::r_sdo(node)) && it.frame.data()[0] != 0x40
+        });
+        writes
+            || nmt::Request::decode(&it.frame).is_some()
+            || it.frame.id() == CanId::from(CobId::SYNC)
+    };
+    let touched: Vec<_> = sent.filter(touches).collect();
+    assert!(touched.is_empty(), "{touched:?}");
+    assert!(rig.twin(2).observe().is_powered);
 }
 
 #[test]

@@ -5,11 +5,11 @@ use serde_json::Value;
 use std::path::Path;
 use syncline_tests::command::{Folder, ended, machine_with, syncline};
 
-/// The JSON of a validation, and what it prints.
 /// A probe at the Z drive of the xyz machine.
 const PROBE: &str =
     "\n[[input]]\nname = \"probe\"\ndrive = \"up-down\"\nsignal = \"DI1\"\nfunction = \"probe\"\n";
 
+/// The JSON of a validation, and what it prints.
 fn validate(machine: &Path, program: &Path, events: Option<&Path>) -> (Value, String) {
     let folder = Folder::new();
     let json = folder.path("result.json");

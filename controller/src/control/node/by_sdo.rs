@@ -149,6 +149,11 @@ impl DeviceNode {
         self.sequence.is_found_on()
     }
 
+    /// Nothing more is asked of it: it is another controller's.
+    pub(in crate::control) fn leave(&mut self) {
+        self.sequence.clear();
+    }
+
     /// The steps that switch it off where it was found with power.
     pub(in crate::control) fn switch_found_off(&mut self) {
         let survey = self.survey();

@@ -656,9 +656,9 @@ fn by_keys_on_a_terminal() {
     keys.wait_until(|screen| screen.contains("home all axes"));
     keys.press(b"?h");
     await_rest(&mut keys, "READY", "X", 0.0);
-    // Touch off.
     keys.press(b":faults\r");
     keys.wait_until(|screen| screen.contains("no fault"));
+    // Touch off.
     keys.press(b":jog_to X100 Y50\r");
     await_rest(&mut keys, "READY", "X", 100.0);
     // By 10 mm, the next greater step.
