@@ -148,7 +148,12 @@ impl Args {
             .sum());
         let interrupted = Arc::new(AtomicBool::new(false));
         let asked = Arc::clone(&interrupted);
-        ctrlc::set_handler(move || asked.store(true, Ordering::Relaxed))?;
+        // Asked again, the runs at work are not waited for: their part is made once more.
+        ctrlc::set_handler(move || {
+            if asked.swap(true, Ordering::Relaxed) {
+                std::process::exit(130);
+            }
+        })?;
         let next = AtomicUsize::new(0);
         let work = || -> Result<(), SweepError> {
             while let Some(part) = missing.get(next.fetch_add(1, Ordering::Relaxed)) {

@@ -5,7 +5,7 @@
 //! A program that `stop` ends, ended as the file says. One that is still held behind the last event, also where lines were
 //! typed in its middle, did not end.
 
-use crate::control::{Event as MachineEvent, Layout, Outcome};
+use crate::control::{Event as MachineEvent, Layout};
 use crate::observe::record::{Place, Violation};
 use crate::observe::summary::Summary;
 use crate::session::{Event, Refused};
@@ -17,8 +17,6 @@ pub(super) const SOURCE: &str = "events";
 #[derive(Default)]
 pub(super) struct Unmet {
     violations: Vec<Violation>,
-    /// Where a job last ended by itself before its end.
-    broken: Option<Place>,
 }
 
 impl Unmet {
@@ -35,10 +33,6 @@ impl Unmet {
             ) => {
                 self.failed(&event.describe(layout).unwrap_or_default(), at);
             }
-            Event::Machine(MachineEvent::JobOver {
-                outcome: Outcome::Broken,
-                ..
-            }) => self.broken = Some(at),
             _ => {}
         }
     }
@@ -73,9 +67,6 @@ impl Unmet {
 
     /// Has a result say so.
     pub(super) fn mark(mut self, summary: &mut Summary) {
-        if let Some(at) = self.broken.filter(|_| self.violations.is_empty()) {
-            self.failed("a job could not go on", at);
-        }
         if self.violations.is_empty() {
             return;
         }

@@ -262,10 +262,7 @@ impl Args {
                     Event::Message { line, text } => {
                         bar.suspend(|| eprintln!("line {line}: {text}"));
                     }
-                    Event::Accepted(_)
-                    | Event::State(_)
-                    | Event::Recorded(_)
-                    | Event::Problem(_) => {}
+                    _ => {}
                 }
             }
             tell_counted(repeats.due(now));
