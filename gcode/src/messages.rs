@@ -7,6 +7,7 @@
 use std::fmt::Write as _;
 
 use super::expression::Scope;
+use super::modal::to_the_millionth;
 use super::names::is_signal;
 use super::parameters::INPUT_RESULT;
 
@@ -71,7 +72,7 @@ fn with_values(text: &str, scope: &impl Scope) -> String {
         match value {
             Some(value) => {
                 // Writing to a string does not fail.
-                let _ = write!(shown, "{}", (value * 1e6).round() / 1e6);
+                let _ = write!(shown, "{}", to_the_millionth(value));
             }
             None => shown += &rest[..length],
         }

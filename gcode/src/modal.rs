@@ -330,8 +330,8 @@ impl Modes {
     }
 }
 
-/// As a person writes it: to the millionth, which what was converted from inches and back misses by a rounding.
-fn plain(value: f64) -> f64 {
+/// As a person writes it: to the millionth, without the dust of arithmetic below, as of what was converted from inches and back.
+pub(crate) fn to_the_millionth(value: f64) -> f64 {
     (value * 1e6).round() / 1e6
 }
 
@@ -360,13 +360,13 @@ impl fmt::Display for Modes {
                 f.write_str(" G64")?;
                 for (letter, value) in [('P', tolerance), ('Q', merge)] {
                     if let Some(value) = value {
-                        write!(f, " {letter}{}", plain(value / self.unit()))?;
+                        write!(f, " {letter}{}", to_the_millionth(value / self.unit()))?;
                     }
                 }
             }
         }
         if let Some(feed) = self.feed {
-            let feed = plain(feed.number * feed.unit / self.unit());
+            let feed = to_the_millionth(feed.number * feed.unit / self.unit());
             write!(f, " F{feed}")?;
         }
         let turning = match self.spindle.turning {
@@ -380,7 +380,7 @@ impl fmt::Display for Modes {
         };
         match self.spindle.surface {
             Some(Surface { speed, within, .. }) => {
-                let speed = plain(speed / surface_unit(self.inches));
+                let speed = to_the_millionth(speed / surface_unit(self.inches));
                 write!(f, " G96 D{} S{speed} {spindle}", within.1)?;
             }
             None => write!(f, " S{} {spindle}", self.spindle.speed)?,

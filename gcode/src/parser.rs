@@ -197,6 +197,11 @@ impl<'a> Parser<'a> {
             ("DO", "`O1 DO` and `O1 WHILE […]`"),
             ("END", "`O1 ENDWHILE`"),
         ];
+        // A word is a letter and its value.
+        let next = self.tokens.get(self.at + 1);
+        if !next.is_some_and(|next| matches!(next.kind, Kind::Letter(_))) {
+            return Ok(());
+        }
         let (at, start) = (self.at, self.peek().columns);
         for (written, instead) in MACROS {
             let is_it = self.keyword(written)

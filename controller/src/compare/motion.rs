@@ -140,7 +140,7 @@ impl Motion {
                 [of(&it.act), of(&it.tool)],
             );
             if let Some(last) = motion.stations.last_mut() {
-                (last.left, last.act, last.tool) = (it.left, of(&it.act), of(&it.tool));
+                last.left = it.left;
             }
         }
         motion

@@ -505,7 +505,7 @@ impl Event {
                 format!("{}: no answer; it may just be starting", who(device))
             }
             Self::FoundEnabled { device, word } => format!(
-                "{}: found with its power stage on, {word}: switching it off once no other controller is heard for 1 s",
+                "{}: found with its power stage on, {word}: switching it off unless another controller is heard",
                 who(device)
             ),
             Self::History { value: 0, .. } => return None,

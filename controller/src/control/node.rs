@@ -678,11 +678,10 @@ impl DeviceNode {
 
     /// The steps from a drive in an unknown state to one that may be reset.
     pub(super) fn ask_survey(&mut self) {
-        let survey = self.survey();
+        if let Some(survey) = self.survey() {
+            self.sequence.survey(survey);
+        }
         let history = self.device.spec().history.iter().copied();
-        survey
-            .into_iter()
-            .for_each(|survey| self.sequence.survey(survey));
         self.sequence.extend(history.map(Step::History));
     }
 

@@ -7,8 +7,8 @@
 //! fault (`Layout::second_master`); until then no node has been commanded, and none is on the way down, also behind a reset of this controller, which may have commanded them before. A controller that
 //! sends none of these in that time is not heard.
 
-use super::fault::{BusCause, Fault};
 use super::node::DeviceNode;
+use super::reaction::Cause;
 use super::{Controller, Outbox, Phase};
 use crate::machine::LONGEST_CYCLE;
 use syncline_canopen::time::Duration;
@@ -35,18 +35,8 @@ impl<const N: usize> Controller<N> {
     /// How it goes on where the survey is broken off. Where another controller was heard its nodes stay as they are, also those that this
     /// one has commanded before a reset.
     pub(super) fn leave_survey(&mut self) -> Phase {
-        let others = |fault: &Fault| {
-            let Fault::Bus(_, cause) = fault else {
-                return false;
-            };
-            matches!(
-                cause,
-                BusCause::SecondSync
-                    | BusCause::SecondNmtMaster { .. }
-                    | BusCause::SecondController { .. }
-            )
-        };
-        self.left_to_another = self.faults.iter().any(others);
+        self.left_to_another =
+            (self.faults.iter()).any(|fault| fault.cause() == Cause::SecondMaster);
         if !self.left_to_another {
             return Phase::Release;
         }

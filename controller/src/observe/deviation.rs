@@ -74,8 +74,6 @@ struct Foot {
     tag: u32,
     /// Where on that, mm.
     along: f64,
-    /// The place itself.
-    place: Position,
 }
 
 /// A distance that is greater than allowed, mm.
@@ -146,9 +144,12 @@ impl Deviation {
         let deviation = foot.as_ref().map_or(f64::INFINITY, |foot| foot.away);
         (self.trail).push(row.cycle, position, plan.velocity, at_tool);
         let reach = self.trail.reach() + CORNER * deviation;
-        let of_tool = (foot.as_ref())
-            .and_then(|foot| from_stretch(observed.moves, foot, [reach, reach], at_tool));
-        let (tool, place) = of_tool.map_or((f64::INFINITY, *at_tool), |of| (of.away, of.place));
+        let of_tool = foot.as_ref().and_then(|foot| {
+            let found = from_stretch(observed.moves, foot, [reach, reach], at_tool)?;
+            let curve = observed.moves.motion(found.tag)?.curve();
+            Some((found.away, curve.at(found.along).q))
+        });
+        let (tool, place) = of_tool.unwrap_or((f64::INFINITY, *at_tool));
         let at = Place { time, line: *line };
         self.setpoint.look(deviation, at);
         self.tool.look(tool, at);
@@ -268,14 +269,8 @@ impl Course {
         }
         self.distance = distance;
         let along = (distance - self.from).clamp(0.0, length);
-        let place = curve.at(along).q;
-        let away = norm(&place, point);
-        let path = Foot {
-            away,
-            tag,
-            along,
-            place,
-        };
+        let away = norm(&curve.at(along).q, point);
+        let path = Foot { away, tag, along };
         if away <= NEAREST {
             return Some(path);
         }
@@ -298,12 +293,8 @@ fn from_stretch(
     let length = curve.length();
     let (before, behind) = (from.along - back, from.along + on);
     let (away, along) = foot(&curve, point, &(before.max(0.0)..behind.min(length)));
-    let mut nearest = Foot {
-        away,
-        tag: from.tag,
-        along,
-        place: curve.at(along).q,
-    };
+    let tag = from.tag;
+    let mut nearest = Foot { away, tag, along };
     let mut look = |tag: u32, curve: &Curve<COORDINATES>, range: Range<f64>| {
         // Nothing of a line is nearer than its start by more than its end is from there.
         let start = curve.start();
@@ -312,13 +303,7 @@ fn from_stretch(
         if !skipped {
             let (away, along) = foot(curve, point, &range);
             if away < nearest.away {
-                let place = curve.at(along).q;
-                nearest = Foot {
-                    away,
-                    tag,
-                    along,
-                    place,
-                };
+                nearest = Foot { away, tag, along };
             }
         }
     };

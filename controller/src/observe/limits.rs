@@ -80,6 +80,11 @@ pub(super) struct Watch {
     stretch: Option<(Place, Violation)>,
 }
 
+/// Whether it is no more than the limit, but for the rounding of both.
+fn is_within(value: f64, limit: f64) -> bool {
+    value <= limit * (1.0 + ROUNDING)
+}
+
 impl Watch {
     /// Looks at a value. Its violation is made of where the stretch began.
     pub(super) fn look(
@@ -90,7 +95,7 @@ impl Watch {
         limit: f64,
         violation: impl FnOnce(Place) -> Violation,
     ) {
-        if value <= limit * (1.0 + ROUNDING) {
+        if is_within(value, limit) {
             return self.close(violations);
         }
         let began = self.stretch.as_ref().map_or(at, |(began, _)| *began);
@@ -110,7 +115,7 @@ impl Watch {
         violation: impl FnOnce(Place) -> Violation,
     ) {
         let goes_on = (self.stretch.as_ref()).is_some_and(|(began, _)| began.line == at.line);
-        if value > limit * (1.0 + ROUNDING) || !goes_on {
+        if !(is_within(value, limit) && goes_on) {
             self.look(violations, at, value, limit, violation);
         }
     }

@@ -450,6 +450,11 @@ pub struct Compliance {
 /// So many circles are told to a person.
 const CIRCLES: usize = 10;
 
+/// What a person reads of a number that was computed: of mm the nanometre.
+pub(crate) fn to_the_millionth(value: f64) -> f64 {
+    (value * 1e6).round() / 1e6
+}
+
 /// As a person reads it.
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -536,10 +541,9 @@ impl fmt::Display for Summary {
                 writeln!(
                     f,
                     ": {} {}, allowed {}",
-                    // To the nanometre.
-                    (violation.value * 1e6).round() / 1e6,
+                    to_the_millionth(violation.value),
                     violation.unit,
-                    (violation.limit * 1e6).round() / 1e6
+                    to_the_millionth(violation.limit)
                 )?;
             }
         }

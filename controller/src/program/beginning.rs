@@ -62,9 +62,7 @@ impl fmt::Display for Beginning {
         };
         write!(f, "{begins} with {}, at", self.modes)?;
         for axis in self.axes.iter() {
-            // Of what rounds to it there is no minus 0.
-            let position = (self.position[axis] * 1e3).round() / 1e3 + 0.0;
-            write!(f, " {axis}{position:.3}")?;
+            write!(f, " {axis}{:.3}", rounded(self.position[axis]))?;
         }
         f.write_str(" in machine coordinates")?;
         match &self.switched[..] {
@@ -118,4 +116,9 @@ impl Program {
             taps: entry.taps,
         })
     }
+}
+
+/// A position as it is shown, to 0.001: one that is rounded to none has no sign.
+pub(crate) fn rounded(position: f64) -> f64 {
+    (position * 1e3).round() / 1e3 + 0.0
 }

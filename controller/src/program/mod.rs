@@ -25,6 +25,7 @@ mod threads;
 mod timetable;
 
 pub use beginning::Beginning;
+pub(crate) use beginning::rounded;
 pub use feed::{counted_group, counted_speed, moved};
 pub use feeder::Feeder;
 pub use interrupted::Interrupted;

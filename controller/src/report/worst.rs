@@ -5,6 +5,7 @@ use super::Report;
 use super::html::{self, escape, line_text};
 use super::scale::{extent, number, round_down};
 use crate::observe::places::WorstPlace;
+use crate::observe::summary::to_the_millionth;
 use std::fmt::Write;
 
 const WIDTH: f64 = 260.0;
@@ -38,8 +39,8 @@ fn card(report: &Report, lines: &[&str], place: &WorstPlace) -> String {
         number(1000.0 * place.contour_error_mm),
         place.at.line,
         place.at.time,
-        // To the picometre: what is less is none.
-        number((1e6 * 1000.0 * place.rounding_mm).round() / 1e6),
+        // Of µm the picometre: what is less is none.
+        number(to_the_millionth(1000.0 * place.rounding_mm)),
         number(place.feed_mm_s),
         escape(text)
     )

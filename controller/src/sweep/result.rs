@@ -1,5 +1,6 @@
 //! The table that a sweep comes to, and what stands out in it.
 
+use crate::observe::summary::to_the_millionth;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
@@ -148,8 +149,8 @@ impl fmt::Display for Findings<'_> {
             let kind = WORST.iter().find(|(name, _)| column.ends_with(name));
             if let Some((worst, row)) = kind.and_then(|(_, most)| table.worst(index, *most)) {
                 let run = tell(row);
-                // To six decimals; the table has all.
-                let worst = (worst * 1e6).round() / 1e6;
+                // The table has all digits.
+                let worst = to_the_millionth(worst);
                 writeln!(f, "worst              {column} {worst} in run {run}")?;
             }
         }

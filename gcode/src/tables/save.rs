@@ -10,6 +10,7 @@
 use super::{ROTATION, Tables, TablesError, WORK_OFFSETS, read};
 use crate::Interpreter;
 use crate::axes::{AxisLetter, Point};
+use crate::modal::to_the_millionth;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::fs::{self, File};
@@ -182,7 +183,7 @@ impl<'a> Changes<'a> {
     fn values(tables: &Tables) -> Values {
         let mut values = Values::new();
         let mut put_one = |row, column, value: f64| {
-            let value = (value * 1e6).round() / 1e6;
+            let value = to_the_millionth(value);
             if value != 0.0 {
                 values.insert((row, column), value);
             }

@@ -5,6 +5,7 @@ use crate::control::{State, Waiting};
 use crate::machine::Axis;
 use crate::observe::switched::{coolant_name, running};
 use crate::program::counted_speed;
+pub(super) use crate::program::rounded;
 use crate::session::Status;
 use syncline_gcode::Turning;
 
@@ -33,11 +34,6 @@ fn in_words(seconds: f64) -> String {
         0 => format!("{minutes}:{rest:02} min"),
         _ => format!("{hours}:{minutes:02}:{rest:02} h"),
     }
-}
-
-/// A position as it is shown, to 0.001: one that is rounded to none has no sign.
-pub(super) fn rounded(position: f64) -> f64 {
-    (position * 1e3).round() / 1e3 + 0.0
 }
 
 /// What the job waits for while nothing moves and no operator holds it.
