@@ -365,7 +365,7 @@ pub enum Event {
     },
     /// The state of the machine as its operators have it.
     State(State),
-    /// The user asked for the end.
+    /// It was told to stop.
     Interrupted,
     /// A fault began the stop, or came on top of it.
     Fault(Fault),

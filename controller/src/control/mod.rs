@@ -203,7 +203,7 @@ pub struct Row<const N: usize> {
 pub enum End {
     /// The program finished.
     Finished,
-    /// The user asked for the end.
+    /// It was told to stop.
     Interrupted,
     /// A machine that stays on was switched off.
     SwitchedOff,
@@ -217,7 +217,7 @@ impl End {
     pub fn describe(&self, names: &impl Names) -> String {
         match self {
             Self::Finished => "program finished".to_owned(),
-            Self::Interrupted => "interrupted by the user".to_owned(),
+            Self::Interrupted => "interrupted by a stop".to_owned(),
             Self::SwitchedOff => "switched off".to_owned(),
             Self::Fault(fault) => format!("stopped: {}", fault.describe(names)),
         }

@@ -75,7 +75,7 @@ pub enum Order<const N: usize = COORDINATES> {
 }
 
 /// Why an order is refused, and what to do.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum Refusal {
     /// The state of the machine forbids it.
     #[error(transparent)]
@@ -391,12 +391,10 @@ fn why_no_jog(error: JogError) -> String {
     match error {
         JogError::Moving => "the machine moves: feed hold first".to_owned(),
         JogError::NoAxis(axis) => format!("the machine has no axis {}", letter(axis)),
-        JogError::OutsideTravel(axis) => {
-            format!(
-                "the position is outside of the soft limits of {}",
-                letter(axis)
-            )
-        }
+        JogError::OutsideTravel { axis, to, min, max } => format!(
+            "{} would go to {to:.3}, its soft limits are {min} to {max} (machine coordinates)",
+            letter(axis)
+        ),
         JogError::NotANumber => "there is a number that is none".to_owned(),
         JogError::NoSpeed => "the speed or the rapid override is 0: raise it".to_owned(),
     }

@@ -43,7 +43,15 @@ pub struct Bounds {
 /// Bounds that an axis does not have.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum OutOfBounds {
-    /// It leads nowhere.
+    /// Its ends are one place.
+    #[error(
+        "--travel {at} {at}: the axis has nowhere to move between one position and the same: write two, the lesser one first"
+    )]
+    Nowhere {
+        /// The position.
+        at: f64,
+    },
+    /// It goes backwards.
     #[error("--travel {} {}: write the lesser position first, as in --travel {} {}", travel.0, travel.1, travel.1, travel.0)]
     Order {
         /// What is asked for.
@@ -104,8 +112,10 @@ impl Bounds {
         let limits = &axis.limits;
         let (least, most) = limits.position;
         let name = axis.name();
-        if let Some(travel) = travel.filter(|travel| travel.0 >= travel.1) {
-            return Err(OutOfBounds::Order { travel });
+        match travel {
+            Some((at, to)) if at == to => return Err(OutOfBounds::Nowhere { at }),
+            Some(travel) if travel.0 > travel.1 => return Err(OutOfBounds::Order { travel }),
+            _ => {}
         }
         if let Some(travel) = travel
             && !(least <= travel.0 && travel.0 < travel.1 && travel.1 <= most)

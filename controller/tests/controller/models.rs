@@ -4,6 +4,7 @@ use super::outside::root;
 use proptest::prelude::*;
 use std::fs;
 use syncline_controller::machine::Machine;
+use syncline_drives::model::MODELS;
 
 /// The mixed portal with this behind it, and its Y as fast as that, mm/s.
 fn mixed(model: &str, velocity: f64) -> Result<Machine, String> {
@@ -53,6 +54,32 @@ proptest! {
                 let numbers = format!("takes no more than {most:.3} mm/s");
                 prop_assert!(told.contains(&numbers), "{numbers}: {told}");
             }
+        }
+    }
+}
+
+/// A page begins with how a machine file names what it is about.
+#[test]
+fn each_model_has_a_page_that_the_lists_of_devices_link_to() {
+    let read = |file: &str| fs::read_to_string(root().join(file)).unwrap();
+    let lists = [("README.md", "docs/"), ("docs/tools.md", "")]
+        .map(|(file, folder)| (file, folder, read(file)));
+    let pages: Vec<(String, String)> = fs::read_dir(root().join("docs"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .filter(|name| name.ends_with(".md") && name != "machine-file.md")
+        .map(|name| {
+            let text = read(&format!("docs/{name}"));
+            let head = text.split("\n## ").next().unwrap_or_default().to_owned();
+            (name, head)
+        })
+        .collect();
+    for model in MODELS {
+        let named = format!("`model = \"{}\"`", model.name);
+        let of_model = || pages.iter().filter(|(_, head)| head.contains(&named));
+        for (list, folder, text) in &lists {
+            let linked = of_model().any(|(page, _)| text.contains(&format!("]({folder}{page})")));
+            assert!(linked, "{list} links to no page that begins with {named}");
         }
     }
 }

@@ -336,7 +336,7 @@ fn a_run_with_pauses_and_an_interruption_is_sent_again() {
             .success()
     );
     assert_eq!(child.wait().unwrap().code(), Some(130));
-    assert_same(&recorded, "interrupted by the user");
+    assert_same(&recorded, "interrupted by a stop");
     assert!(recorded.replay().1.contains("interrupted        in cycle "));
 }
 
@@ -532,7 +532,7 @@ fn a_run_that_is_interrupted_on_an_arc_is_sent_again() {
     assert_eq!(child.wait().unwrap().code(), Some(130));
     let (code, text) = recorded.replay_acted();
     assert_eq!(code, 0, "{text}");
-    assert!(text.contains("interrupted by the user"), "{text}");
+    assert!(text.contains("interrupted by a stop"), "{text}");
 }
 
 impl Recorded {

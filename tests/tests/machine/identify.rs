@@ -556,6 +556,11 @@ fn what_cannot_be_identified_is_refused_by_name() {
             &["--axis", "Y", "--travel", "10", "5"],
             "the lesser position first, as in --travel 5 10",
         ),
+        (
+            &one,
+            &["--axis", "Y", "--travel", "10", "10"],
+            "nowhere to move",
+        ),
         (&one, &["--axis", "Y", "--speed", "1e6"], " mm/s"),
         (
             &one,

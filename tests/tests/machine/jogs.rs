@@ -130,7 +130,9 @@ fn a_soft_limit_ends_a_long_jog_and_nothing_leads_beyond() {
         "{errors}{json}"
     );
     assert!(
-        errors.contains("not moved: the position is outside of the soft limits of Y"),
+        errors.contains(
+            "not moved: Y would go to 1000.001, its soft limits are 0 to 1000 (machine coordinates)"
+        ),
         "{errors}"
     );
     assert!(

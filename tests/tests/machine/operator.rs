@@ -1,4 +1,4 @@
-//! What a person does while a program runs: overrides, hold, stop after the block, step back. The
+//! What a person does while a program runs: overrides, feed hold, single block, retrace. The
 //! path stays the programmed one and every axis inside its limits, by the trace.
 
 use std::path::Path;
@@ -374,7 +374,7 @@ fn events_that_end_in_a_hold() {
         assert_eq!(code, 1, "{last}: {errors}{json}");
         assert!(errors.contains("held: stopped"), "{last}: {errors}");
         let json: serde_json::Value = serde_json::from_str(json).unwrap();
-        assert_eq!(json["outcome"], "interrupted by the user", "{last}: {json}");
+        assert_eq!(json["outcome"], "interrupted by a stop", "{last}: {json}");
     }
 }
 
@@ -484,7 +484,7 @@ fn keys_on_a_terminal() {
             terminal.wait_for(answer);
         }
     }
-    terminal.wait_for("interrupted by the user");
+    terminal.wait_for("interrupted by a stop");
     let after = terminal.end().pop();
     assert_eq!(Some(before), after, "the terminal is as it was");
 }
@@ -502,7 +502,7 @@ fn a_loop_that_moves_nothing_is_stopped_by_a_key() {
     let mut terminal = Terminal::run(&line);
     terminal.wait_for("ready");
     terminal.press(b"q");
-    terminal.wait_for("interrupted by the user");
+    terminal.wait_for("interrupted by a stop");
     let _ = terminal.end();
 }
 
@@ -524,7 +524,7 @@ fn the_step_of_a_jog_is_shown_while_held() {
         ("]", " by 10 mm"),
         (" ", "going on"),
         ("", "3000 mm/min"),
-        ("q", "interrupted by the user"),
+        ("q", "interrupted by a stop"),
     ] {
         terminal.press(key.as_bytes());
         terminal.wait_for(shown);
@@ -548,7 +548,7 @@ fn a_turn_is_shown_in_degrees() {
         ("", "7200 °/min"),
         (" ", "held on the path"),
         ("", "° by 1 mm"),
-        ("q", "interrupted by the user"),
+        ("q", "interrupted by a stop"),
     ] {
         terminal.press(key.as_bytes());
         terminal.wait_for(shown);

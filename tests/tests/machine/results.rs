@@ -143,7 +143,7 @@ fn a_stop_says_where_it_was_and_what_was_left() {
     let events = folder.file("e.csv", "t_s,event,value\n0.8,stop,\n");
     let (json, printed) = validate(&folder.machine("portal"), &program, Some(&events));
     assert_eq!(json["verdict"], "interrupted", "{json:#}");
-    assert_eq!(json["outcome"], "interrupted by the user");
+    assert_eq!(json["outcome"], "interrupted by a stop");
     assert_eq!(json["stopped"]["line"], 2, "{json:#}");
     assert!((number(&json, "/stopped/position/X") - 50.0).abs() < 1e-3);
     let y = number(&json, "/stopped/position/Y");

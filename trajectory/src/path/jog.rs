@@ -372,7 +372,9 @@ impl<const N: usize> Jogging<N> {
                     let travel = travel(axis)?;
                     check(position, along.unwrap_or(f64::INFINITY))?;
                     if !travel.contains(position) {
-                        return Err(JogError::OutsideTravel(axis));
+                        let PositionLimits { min, max } = travel.bounds;
+                        let to = position;
+                        return Err(JogError::OutsideTravel { axis, to, min, max });
                     }
                 }
                 if let Some(speed) = along {

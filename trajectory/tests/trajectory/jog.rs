@@ -243,11 +243,21 @@ fn a_jog_is_refused_while_the_path_moves_and_where_it_cannot_be() {
                 to: [None, None, Some(6.0)],
                 speed: f64::INFINITY,
             },
-            JogError::OutsideTravel(2),
+            JogError::OutsideTravel {
+                axis: 2,
+                to: 6.0,
+                min: ENDS[2].0,
+                max: ENDS[2].1,
+            },
         ),
         (
             Jog::To([Some(0.0), Some(-51.0), None]),
-            JogError::OutsideTravel(1),
+            JogError::OutsideTravel {
+                axis: 1,
+                to: -51.0,
+                min: ENDS[1].0,
+                max: ENDS[1].1,
+            },
         ),
     ] {
         assert_eq!(machine.jog(jog), Err(error));

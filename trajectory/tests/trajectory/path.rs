@@ -891,7 +891,7 @@ fn steps_back_and_forwards_again() {
     }
 }
 
-/// Overrides that come while it rests behind a step back lead nowhere: neither further back nor on.
+/// Overrides that come while it rests behind a retrace lead nowhere: neither further back nor on.
 /// The same in the midst of the way back, and in the last cycles of it.
 #[test]
 fn overrides_change_nothing_of_where_a_retrace_leads() {
@@ -904,7 +904,7 @@ fn overrides_change_nothing_of_where_a_retrace_leads() {
         feed,
         ..Overrides::default()
     };
-    // Cycles from the step back on: at 500 it rests.
+    // Cycles from the retrace on: at 500 it rests.
     let times = [vec![500, 600], vec![100], vec![500, 501, 502]];
     let ends = (150..350).step_by(3).map(|at| vec![at, at + 1]);
     for times in times.into_iter().chain(ends) {

@@ -33,7 +33,7 @@ pub enum Jog<const N: usize> {
 }
 
 /// Why an order is refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum JogError {
     /// The path has to rest.
     #[error("the path is not at rest")]
@@ -42,8 +42,17 @@ pub enum JogError {
     #[error("there is no axis {0}")]
     NoAxis(usize),
     /// A position is outside of the axis' soft limits.
-    #[error("the position is outside of the soft limits of axis {0}")]
-    OutsideTravel(usize),
+    #[error("axis {axis} would go to {to}, its soft limits are {min} to {max}")]
+    OutsideTravel {
+        /// The axis.
+        axis: usize,
+        /// Where it would go, mm.
+        to: f64,
+        /// The least position that it may have, mm.
+        min: f64,
+        /// The greatest, mm.
+        max: f64,
+    },
     /// A position, a distance or a speed is not a number.
     #[error("a position, distance or speed is not a number")]
     NotANumber,
