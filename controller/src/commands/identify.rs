@@ -400,7 +400,7 @@ impl Args {
                 }
             }
             for sample in samples.try_iter() {
-                let percent = sample.torque.map_or(0.0, |it| f64::from(it).abs() / 10.0);
+                let percent = sample.torque.map_or(0.0, |it| it.greatest / 10.0);
                 if percent > self.torque && excess.is_none() {
                     excess = Some(percent);
                     bounds.command(Command::Stop)?;

@@ -12,7 +12,7 @@ mod test_move;
 
 pub use feed_forward::AxisTorque;
 pub(super) use feedback::STEADY;
-pub use sample::AxisSample;
+pub use sample::{AxisSample, ToldTorque};
 pub(super) use test_move::Test;
 
 use super::SIDES_ENABLE;
@@ -616,10 +616,9 @@ impl AxisControl {
     pub(super) fn sample(&self, cycle: u64, nodes: &[DeviceNode]) -> AxisSample {
         let mut worst = AxisSample {
             apart: self.apart(cycle),
-            torque: match self.spec.drives[..] {
-                [drive] => nodes[drive].told_torque(),
-                _ => None,
-            },
+            torque: ToldTorque::of(
+                (self.spec.drives.iter()).map(|&drive| nodes[drive].told_torque()),
+            ),
             velocity: match self.spec.drives[..] {
                 [drive] if nodes[self.telling(0)].age() == 0 => {
                     position_loop::sent_velocity(&nodes[drive])
@@ -632,13 +631,16 @@ impl AxisControl {
         if worst.by_itself {
             let told = nodes[self.telling(0)].actual_mm();
             worst.act = self.uncorrected(told);
-            worst.set = worst.act;
+            (worst.set, worst.middle) = (worst.act, worst.act);
             worst.correction = told - worst.act;
             worst.of_side = [told; 2];
             return worst;
         }
+        let sides = self.spec.drives.len() as f64;
         for (side, &drive) in self.spec.drives.iter().enumerate() {
             let act = self.actual(cycle, side, nodes);
+            let seen = self.goes_on(cycle, side, nodes).unwrap_or(act);
+            worst.middle += seen / sides;
             let due = self.sent_to(cycle, side, nodes);
             let following_error = due.position - act;
             let latched = self.history.latched(cycle, nodes[drive].delay());
@@ -646,7 +648,7 @@ impl AxisControl {
             if side == 0 || following_error.abs() > worst.following_error.abs() {
                 (worst.set, worst.apart) = (latched.position, latched.apart);
                 worst.correction = due.correction;
-                worst.act = self.goes_on(cycle, side, nodes).unwrap_or(act);
+                worst.act = seen;
                 worst.following_error = following_error;
             }
         }

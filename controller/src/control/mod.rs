@@ -75,7 +75,7 @@ mod tests;
 mod threading;
 mod user_codes;
 
-pub use axis::{AxisSample, AxisTorque};
+pub use axis::{AxisSample, AxisTorque, ToldTorque};
 pub use beside_path::Found;
 pub use event::{Event, Phase};
 pub use fault::Fault;

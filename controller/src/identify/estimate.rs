@@ -437,7 +437,7 @@ fn sampled(samples: &[AxisSample], shaft: &Shaft) -> Result<Vec<Sample>, NotEsti
         let next = Sample {
             angle: sample.act * radians,
             set: sample.set * radians,
-            torque: f64::from(torque) * 1e-3 * shaft.rated_torque,
+            torque: torque.mean * 1e-3 * shaft.rated_torque,
             direction: 0.0,
         };
         let before = motion.last().copied().unwrap_or(next);

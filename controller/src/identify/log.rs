@@ -1,6 +1,7 @@
 //! What the estimator gets: one axis at every SYNC, as a file.
 
 use super::AxisSample;
+use crate::control::ToldTorque;
 use crate::machine::Axis;
 use crate::recording::{NotRecorded, Recording};
 use std::io::{self, Write};
@@ -49,7 +50,7 @@ impl Log {
         for sample in &self.samples {
             let AxisSample { time, set, act, .. } = sample;
             let value = match beside {
-                Beside::Torque => sample.torque.map(f64::from),
+                Beside::Torque => sample.torque.map(|it| it.mean),
                 Beside::Velocity => sample.velocity,
             };
             if let Some(value) = value {
@@ -76,8 +77,7 @@ impl Log {
             time: time[row],
             set: set[row],
             act: act[row],
-            // Floats beyond what it holds become its ends.
-            torque: (beside == Beside::Torque).then(|| value[row].round() as i16),
+            torque: (beside == Beside::Torque).then(|| ToldTorque::alike(value[row])),
             velocity: (beside == Beside::Velocity).then_some(value[row]),
         });
         Ok(Self {

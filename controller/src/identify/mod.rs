@@ -24,7 +24,7 @@ mod windows;
 
 pub use crate::observe::axis_log::AxisSample;
 
-use crate::machine::{Axis, FeedForward, Machine, Motion};
+use crate::machine::{Axis, FeedForward, Machine, Motion, Simulation};
 use estimate::{Estimate, Figure, Shaft};
 use response::{Response, response};
 use serde::Serialize;
@@ -58,7 +58,13 @@ pub struct Moved {
     motor: Option<Known>,
     /// The unit in which it says how stiff the transmission is, N/m or N·m/rad, if it names one.
     stiffness: Option<f64>,
+    /// What another axis moves along the beam that ties its two sides together, if one does.
+    beam: Option<Carried>,
 }
+
+/// Mass of what another axis moves along a beam, kg.
+#[derive(Clone, Copy, Debug)]
+struct Carried(f64);
 
 /// What is known of a motor.
 #[derive(Clone, Copy, Debug)]
@@ -84,10 +90,10 @@ pub enum Unfit {
         /// Those that there are.
         has: Vec<&'static str>,
     },
-    /// Two drives share what it moves.
+    /// It is a gantry whose loops the controller closes.
     #[error(
-        "axis {0} is a gantry of two drives: only axes of one drive can be identified, and no `feed_forward` is told of it; state \
-         that by the axis's data, of which each motor has half"
+        "axis {0} is a gantry whose drives are sent velocities: of such drives only those that move an axis alone can be \
+         identified"
     )]
     Gantry(&'static str),
     /// It does not follow setpoints.
@@ -133,9 +139,6 @@ impl Subject {
             has: machine.axes.iter().map(Axis::name).collect(),
         })?;
         let name = machine.axes[index].name();
-        let [drive] = machine.axes[index].drives[..] else {
-            return Err(Unfit::Gantry(name));
-        };
         if machine.axes[index].motion == Motion::PointToPoint {
             return Err(Unfit::PointToPoint(name));
         }
@@ -143,9 +146,13 @@ impl Subject {
         if simulation.is_some_and(|it| it.scale.is_some()) {
             return Err(Unfit::Scale(name));
         }
-        let device = machine.device(drive);
+        let drives = &machine.axes[index].drives;
+        let device = machine.device(drives[0]);
         if device.drive().and_then(Drive::dynamics).is_some() {
-            return Ok(Self::Streamed(Streamed { axis: index }));
+            return match drives.len() {
+                1 => Ok(Self::Streamed(Streamed { axis: index })),
+                _ => Err(Unfit::Gantry(name)),
+            };
         }
         let moved = Moved::of(machine, index, rated_torque)?;
         Ok(Self::Moved(Box::new(moved)))
@@ -163,17 +170,20 @@ impl Subject {
 
 impl Moved {
     fn of(machine: &mut Machine, index: usize, rated_torque: Option<f64>) -> Result<Self, Unfit> {
-        let tells = machine.tell_torque(index);
+        machine.tell_torque(index);
         let axis = &machine.axes[index];
-        let (name, drive) = (axis.name(), &machine.drives[axis.drives[0]]);
-        if !tells {
+        let name = axis.name();
+        let mut drives = axis.drives.iter();
+        if let Some(&silent) = drives.find(|&&drive| !machine.device(drive).tells_torque()) {
+            let drive = &machine.drives[silent];
             return Err(Unfit::NoTorque {
                 axis: name,
                 drive: drive.name.clone(),
                 model: drive.model.title,
             });
         }
-        let moved = axis.simulation.as_ref().map(|simulation| &simulation.axis);
+        let driven = axis.simulation.as_ref().and_then(Simulation::driven);
+        let moved = driven.as_ref();
         let rated = moved.map(|moved| moved.motor().continuous_torque);
         let stated = axis.feed_forward.map(|it| it.rated_torque);
         let unit = match axis.letter.is_linear() {
@@ -185,7 +195,7 @@ impl Moved {
             shaft: Shaft {
                 cycle: machine.cycle.as_secs_f64(),
                 radians: TAU / axis.mm_per_revolution,
-                resolution: drive.scaling.resolution(),
+                resolution: machine.drives[axis.drives[0]].scaling.resolution(),
                 rated_torque: rated_torque
                     .or(stated)
                     .or(rated)
@@ -202,6 +212,9 @@ impl Moved {
             stiffness: moved
                 .and_then(|moved| moved.stiffness(axis.letter.is_linear()))
                 .map(|it| it.unit),
+            beam: (axis.simulation.as_ref())
+                .and_then(|it| it.gantry.as_ref())
+                .map(|it| Carried(it.carriage.as_ref().map_or(0.0, |it| it.mass))),
         })
     }
 
@@ -220,9 +233,15 @@ impl Moved {
         };
         let mut keys = Vec::new();
         let mut add = |key, figure: Figure| keys.push(Key { key, figure });
-        let load = behind(estimate.inertia, motor.inertia, travel * travel);
+        // A beam, with what it carries, is moved by both motors, and each feels half of it.
+        let (key, motors, carried) = match self.beam {
+            None => ("load", 1.0, 0.0),
+            Some(Carried(mass)) => ("mass", 2.0, mass),
+        };
+        let mut load = behind(estimate.inertia, motor.inertia, travel * travel / motors);
+        load.value -= carried;
         if load.value > 0.0 {
-            add("load", load);
+            add(key, load);
         }
         // A motor that has less friction than its kind has none left for the guide.
         for (found, own, scale, [at_load, at_motor]) in [
@@ -248,7 +267,7 @@ impl Moved {
                 add(at_load, Figure { value: 0.0, ..rest });
             }
         }
-        let Figure { value, uncertainty } = behind(estimate.holding_torque, 0.0, travel);
+        let Figure { value, uncertainty } = behind(estimate.holding_torque, 0.0, travel / motors);
         add(
             "gravity",
             Figure {
@@ -301,11 +320,13 @@ pub struct Identified {
     pub feed_forward: Option<FeedForward>,
     /// Gains that suit it; none where the machine file names no motor, or where none keep it from swinging.
     pub gains: Option<Tuned>,
-    /// Its drive.
+    /// Its drive, or both of a gantry; of two models those of the first.
     #[serde(skip)]
-    drive: String,
+    drives: Vec<String>,
     #[serde(skip)]
     rotary: bool,
+    #[serde(skip)]
+    is_gantry: bool,
 }
 
 /// A key of `[axis.simulation]` with what was found.
@@ -329,6 +350,8 @@ impl Identified {
     ) -> Self {
         let axis = &machine.axes[subject.axis];
         let drive = &machine.drives[axis.drives[0]];
+        let drives = axis.drives.iter().map(|&drive| &machine.drives[drive]);
+        let alike = drives.filter(|it| it.model.name == drive.model.name);
         let device = machine.device(axis.drives[0]);
         let known = subject.motor.zip(device.drive());
         let gains = known
@@ -338,7 +361,7 @@ impl Identified {
             feed_forward: (drive.model.abilities.contains(&Ability::TorqueOffset))
                 .then(|| feed_forward(subject, axis, &estimate)),
             gains,
-            drive: drive.name.clone(),
+            drives: alike.map(|it| it.name.clone()).collect(),
             rated_torque: subject.shaft.rated_torque,
             response: response(samples, &subject.shaft, &estimate),
             simulation: subject
@@ -346,6 +369,7 @@ impl Identified {
                 .map_or_else(Vec::new, |motor| subject.keys(&estimate, &motor)),
             estimate,
             rotary: !axis.letter.is_linear(),
+            is_gantry: axis.drives.len() > 1,
         }
     }
 
@@ -366,7 +390,7 @@ impl Key {
         if figure.differs_from_nothing() {
             return Some(rounded(figure));
         }
-        (!matches!(*key, "load" | "stiffness" | "damping")).then(|| "0.0".to_owned())
+        (!matches!(*key, "load" | "mass" | "stiffness" | "damping")).then(|| "0.0".to_owned())
     }
 }
 
@@ -416,7 +440,11 @@ impl fmt::Display for Identified {
             self.axis,
             1e3 * torque_delay_s
         )?;
-        writeln!(f, "\nat the motor's shaft, with 95 %")?;
+        let shaft = match self.is_gantry {
+            false => "the motor's shaft",
+            true => "the shaft of each motor, the mean of both",
+        };
+        writeln!(f, "\nat {shaft}, with 95 %")?;
         for (name, figure, unit) in [
             ("inertia", inertia, "kg·m²"),
             ("Coulomb friction", friction, "N·m"),
@@ -459,7 +487,7 @@ impl fmt::Display for Identified {
         writeln!(f, "\nof the axis, as [axis.simulation] has it")?;
         for Key { key, figure } in &self.simulation {
             let unit = match *key {
-                "load" => units[0],
+                "load" | "mass" => units[0],
                 "friction" | "gravity" => units[1],
                 "viscous_friction" => units[2],
                 "motor_friction" => "N·m",
@@ -483,6 +511,14 @@ impl fmt::Display for Identified {
 }
 
 impl Identified {
+    /// Its drives by their names.
+    fn of_drives(&self) -> String {
+        match &self.drives[..] {
+            [drive] => format!("drive {drive}"),
+            drives => format!("drives {}", drives.join(" and ")),
+        }
+    }
+
     fn tell_feed_forward(
         &self,
         feed_forward: &FeedForward,
@@ -513,9 +549,9 @@ impl Identified {
         });
         writeln!(
             f,
-            "\nof axis {}, to be sent to drive {} with each setpoint\nfeed_forward = {{ rated_torque = {:?}{} }}",
+            "\nof axis {}, to be sent to {} with each setpoint\nfeed_forward = {{ rated_torque = {:?}{} }}",
             self.axis,
-            self.drive,
+            self.of_drives(),
             feed_forward.rated_torque,
             told.collect::<String>()
         )
@@ -544,7 +580,7 @@ impl Identified {
         if !sdo.is_empty() {
             let entries = sdo.iter().map(|(at, value)| format!("[\"{at}\", {value}]"));
             let entries = entries.collect::<Vec<_>>().join(", ");
-            writeln!(f, "sdo = [{entries}]  # of drive {}", self.drive)?;
+            writeln!(f, "sdo = [{entries}]  # of {}", self.of_drives())?;
         }
         match swing {
             Some(Mode { frequency, damping }) => writeln!(

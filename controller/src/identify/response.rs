@@ -152,7 +152,7 @@ fn without_gaps(samples: &[AxisSample], shaft: &Shaft) -> Vec<[Vec<f64>; 2]> {
         };
         let now = [
             sample.act * shaft.radians,
-            f64::from(torque) * 1e-3 * shaft.rated_torque,
+            torque.mean * 1e-3 * shaft.rated_torque,
         ];
         let gap = before.map(|(time, last)| (((sample.time - time) / shaft.cycle).round(), last));
         match (gap, parts.last_mut()) {

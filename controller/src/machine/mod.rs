@@ -530,15 +530,12 @@ impl Machine {
         self.nodes().nth(index).expect("an index of a device")
     }
 
-    /// Has the drives of an axis tell their torque with their positions, which makes room for it in every cycle;
-    /// whether all of them can.
-    pub fn tell_torque(&mut self, axis: usize) -> bool {
+    /// Has the drives of an axis that can tell their torque with their positions, which makes room for it in every cycle.
+    pub fn tell_torque(&mut self, axis: usize) {
         for &drive in &self.axes[axis].drives {
             let drive = &mut self.drives[drive];
             drive.torque = drive.model.abilities.contains(&Ability::Torque);
         }
-        let mut drives = self.axes[axis].drives.iter();
-        drives.all(|&drive| self.device(drive).tells_torque())
     }
 
     /// The output that closes the enable chain.

@@ -1,6 +1,6 @@
 //! One axis in every cycle: setpoint, actual position and torque, handed on as they come.
 
-use crate::control::Row;
+use crate::control::{Row, ToldTorque};
 use crate::machine::COORDINATES;
 use crossbeam::channel::{self, Receiver, Sender};
 use syncline_gcode::AxisLetter;
@@ -12,11 +12,10 @@ pub struct AxisSample {
     pub time: f64,
     /// Setpoint, mm or degrees.
     pub set: f64,
-    /// Actual position, mm or degrees.
+    /// Actual position, mm or degrees; of a gantry the mean of its sides.
     pub act: f64,
-    /// Actual torque in the axis's positive direction, in thousandths of the motor's rated torque; `None` where it is
-    /// not known.
-    pub torque: Option<i16>,
+    /// Actual torque; `None` where it is not known.
+    pub torque: Option<ToldTorque>,
     /// What its drive was sent for this SYNC, mm/s or °/s, if that is sent velocities; `None` where that or `act` is not known.
     pub velocity: Option<f64>,
 }
@@ -44,7 +43,7 @@ impl AxisLog {
         let _ = self.to.send(AxisSample {
             time,
             set: axis.set,
-            act: axis.act,
+            act: axis.middle,
             torque: axis.torque,
             velocity: axis.velocity,
         });

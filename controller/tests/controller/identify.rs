@@ -4,6 +4,7 @@ use proptest::prelude::*;
 use std::f64::consts::TAU;
 use std::path::Path;
 use syncline_controller::budget::MachineBudget;
+use syncline_controller::control::ToldTorque;
 use syncline_controller::identify::estimate::{
     Estimate, Figure, NotEstimated, Shaft, Swing, estimate,
 };
@@ -82,12 +83,12 @@ proptest! {
             time: at as f64 * 0.002,
             set,
             act,
-            torque: Some(torque),
+            torque: Some(ToldTorque::alike(torque.into())),
             velocity: None,
         });
         let log = Log { samples: samples.collect() };
         let sent = |it: &AxisSample| AxisSample {
-            velocity: it.torque.map(|it| f64::from(it) / 7.0),
+            velocity: it.torque.map(|it| it.mean / 7.0),
             torque: None,
             ..*it
         };
@@ -180,7 +181,9 @@ fn moved(
                 time,
                 set: act,
                 act: counted,
-                torque: Some((torque / SHAFT.rated_torque * 1e3).round() as i16),
+                torque: Some(ToldTorque::alike(
+                    (torque / SHAFT.rated_torque * 1e3).round(),
+                )),
                 velocity: None,
             });
         }
@@ -347,7 +350,9 @@ fn answering(
             time,
             set: act,
             act: (act / SHAFT.resolution).round() * SHAFT.resolution,
-            torque: Some((torque / SHAFT.rated_torque * 1e3).round() as i16),
+            torque: Some(ToldTorque::alike(
+                (torque / SHAFT.rated_torque * 1e3).round(),
+            )),
             velocity: None,
         }
     };

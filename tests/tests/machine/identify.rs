@@ -1,5 +1,7 @@
 //! What `syncline identify` finds of axes whose plants are drawn, and what it refuses.
 
+mod gantry;
+
 use super::causes::Dice;
 use serde_json::Value;
 use std::f64::consts::TAU;
@@ -528,7 +530,7 @@ fn what_cannot_be_identified_is_refused_by_name() {
         (
             &machine_file("portal"),
             &["--axis", "X"],
-            "a gantry of two drives: only axes of one drive can be identified, and no `feed_forward` is told of it",
+            "axis X: the rated torque of its motor is not known",
         ),
         (
             &nameless,
