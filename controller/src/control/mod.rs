@@ -546,7 +546,12 @@ impl<const N: usize> Controller<N> {
         self.row = None;
         for bus in 0..self.misses.len() {
             // What has not left by now has missed this cycle's SYNC.
-            if take(&mut self.misses[bus].unsent) > 0 {
+            let SetpointMisses {
+                unsent, answered, ..
+            } = &mut self.misses[bus];
+            let (is_late, answered) = (take(unsent) > 0, take(answered));
+            // An answer by SDO may have been in the way, of setpoints that are as those before.
+            if is_late && (self.setpoints_change || !answered) {
                 self.miss(bus, self.cycle);
             }
         }
@@ -619,6 +624,7 @@ impl<const N: usize> Controller<N> {
             return;
         }
         self.lost[bus] = false;
+        self.misses[bus].answered |= node.is_answer(frame);
         let mut events = event_sink(&mut self.events);
         let outcome = node.receive(*at, frame, self.sync_sent, &mut events);
         drop(events);

@@ -179,6 +179,11 @@ impl DeviceNode {
         Ok(sends)
     }
 
+    /// Whether a frame of its own answers a request by SDO.
+    pub(super) fn is_answer(&self, frame: &Frame) -> bool {
+        frame.id() == CanId::from(CobId::t_sdo(self.device.spec().node))
+    }
+
     // --- what it tells ---
 
     /// Takes a frame of this node's bus; `since` is when the running cycle's SYNC left.
@@ -198,7 +203,7 @@ impl DeviceNode {
             if !answers || self.count(t_pdo, frame)? {
                 self.take(t_pdo, frame.data(), events);
             }
-        } else if is(CobId::t_sdo(node)) {
+        } else if self.is_answer(frame) {
             // A server that goes on before it has its reply is none to listen to.
             if !self.replies.as_slice().is_empty() {
                 return Ok(());

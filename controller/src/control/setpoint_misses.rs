@@ -18,6 +18,8 @@ pub(super) struct SetpointMisses {
     last: VecDeque<u64>,
     /// Frames of the last burst whose echo is still to come.
     pub(super) unsent: u32,
+    /// An answer to an SDO request has come since then.
+    pub(super) answered: bool,
 }
 
 impl SetpointMisses {
@@ -27,6 +29,7 @@ impl SetpointMisses {
             count: 0,
             last: VecDeque::with_capacity(MISSES),
             unsent: 0,
+            answered: false,
         }
     }
 

@@ -556,6 +556,21 @@ fn a_dropped_burst_is_counted_and_does_not_shift_the_plan() {
     }
 }
 
+/// At rest setpoints are as those before. What was in the way of an answer by SDO is no miss then (the campaign's
+/// `answer-beside-a-homing-at-rest`); all else is.
+#[test]
+fn a_burst_that_is_late_or_dropped_at_rest_is_counted() {
+    for interfere in [(|rig| rig.bus().drop_bursts = 1) as fn(&mut Rig), |rig| {
+        rig.bus().delay_bursts = 1
+    }] {
+        let mut rig = Rig::portal("G21 G90\nG4 P0.5\nM2\n");
+        rig.run_to_row(100);
+        interfere(&mut rig);
+        assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+        assert_eq!(rig.controller().late_setpoints(), 1);
+    }
+}
+
 #[test]
 fn two_dropped_bursts_in_a_row_three_in_a_thousand_cycles_or_a_torn_one_are_a_fault() {
     let fault = fault_in_motion(|rig| rig.bus().drop_bursts = 2);
