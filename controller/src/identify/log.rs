@@ -1,7 +1,6 @@
 //! What the estimator gets: one axis at every SYNC, as a file.
 
-use super::AxisSample;
-use crate::control::ToldTorque;
+use super::{AxisSample, ToldTorque};
 use crate::machine::Axis;
 use crate::recording::{NotRecorded, Recording};
 use std::io::{self, Write};

@@ -22,7 +22,7 @@ pub mod tuning;
 pub mod velocity;
 mod windows;
 
-pub use crate::observe::axis_log::AxisSample;
+pub use crate::observe::axis_log::{AxisSample, ToldTorque};
 
 use crate::machine::{Axis, FeedForward, Machine, Motion, Simulation};
 use estimate::{Estimate, Figure, Shaft};
@@ -146,16 +146,18 @@ impl Subject {
         if simulation.is_some_and(|it| it.scale.is_some()) {
             return Err(Unfit::Scale(name));
         }
-        let drives = &machine.axes[index].drives;
-        let device = machine.device(drives[0]);
-        if device.drive().and_then(Drive::dynamics).is_some() {
-            return match drives.len() {
-                1 => Ok(Self::Streamed(Streamed { axis: index })),
-                _ => Err(Unfit::Gantry(name)),
-            };
+        let follows_velocities = |&drive: &usize| {
+            let device = machine.device(drive);
+            device.drive().and_then(Drive::dynamics).is_some()
+        };
+        match &machine.axes[index].drives[..] {
+            [drive] if follows_velocities(drive) => Ok(Self::Streamed(Streamed { axis: index })),
+            sides if sides.iter().any(follows_velocities) => Err(Unfit::Gantry(name)),
+            _ => {
+                let moved = Moved::of(machine, index, rated_torque)?;
+                Ok(Self::Moved(Box::new(moved)))
+            }
         }
-        let moved = Moved::of(machine, index, rated_torque)?;
-        Ok(Self::Moved(Box::new(moved)))
     }
 
     /// Its index in [`Machine::axes`].

@@ -1,6 +1,8 @@
 //! One axis in every cycle: setpoint, actual position and torque, handed on as they come.
 
-use crate::control::{Row, ToldTorque};
+pub use crate::control::ToldTorque;
+
+use crate::control::Row;
 use crate::machine::COORDINATES;
 use crossbeam::channel::{self, Receiver, Sender};
 use syncline_gcode::AxisLetter;

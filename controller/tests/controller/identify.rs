@@ -4,14 +4,13 @@ use proptest::prelude::*;
 use std::f64::consts::TAU;
 use std::path::Path;
 use syncline_controller::budget::MachineBudget;
-use syncline_controller::control::ToldTorque;
 use syncline_controller::identify::estimate::{
     Estimate, Figure, NotEstimated, Shaft, Swing, estimate,
 };
 use syncline_controller::identify::excitation::{Bounds, program};
 use syncline_controller::identify::log::{Beside, Log};
 use syncline_controller::identify::response::response;
-use syncline_controller::identify::{AxisSample, Subject, Unfit};
+use syncline_controller::identify::{AxisSample, Subject, ToldTorque, Unfit};
 use syncline_controller::machine::Machine;
 use syncline_controller::program::Programs;
 use syncline_gcode::Tables;

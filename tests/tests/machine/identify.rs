@@ -523,6 +523,18 @@ fn what_cannot_be_identified_is_refused_by_name() {
     let nameless = plant.machine(false);
     let nameless = nameless.split("[axis.simulation]").next().unwrap();
     let nameless = folder.file("nameless.toml", nameless);
+    let pair = plant.machine(false);
+    let (other, model) = (
+        "[[drive]]\nname = \"Y2\"",
+        format!("model = \"{}\"", plant.model),
+    );
+    let second = "\nbus = \"main\"\nnode = 2\nmodel = \"cia402_csv\"\nzero = 0\n\n[[axis]]";
+    let pair = pair
+        .replace(&model, "model = \"cia402_csv\"")
+        .replace("[[axis]]", &format!("{other}{second}"))
+        .replace("[\"Y1\"]", "[\"Y1\", \"Y2\"]\nskew_limit = 1.0")
+        .replace("drive_following_error = true\n", "");
+    let pair = folder.file("pair.toml", &pair);
     let text = folder.file("text.csv", "t_s,Y_set_mm\n0,0\n");
     let text = text.to_str().unwrap();
     for (machine, options, says) in [
@@ -531,6 +543,11 @@ fn what_cannot_be_identified_is_refused_by_name() {
             &machine_file("portal"),
             &["--axis", "X"],
             "axis X: the rated torque of its motor is not known",
+        ),
+        (
+            &pair,
+            &["--axis", "Y"],
+            "axis Y is a gantry whose drives are sent velocities",
         ),
         (
             &nameless,
