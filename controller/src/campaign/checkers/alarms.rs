@@ -67,7 +67,7 @@ impl Alarms {
             });
         }
         self.told.push(*fault);
-        if scene.case.is_untroubled() {
+        if scene.is_untroubled {
             found.violate(NAME, scene, "a fault where nothing is wrong", || {
                 format!("{fault:?}")
             });
@@ -127,7 +127,7 @@ impl Alarms {
                 | Event::LostCycles { .. }
                 | Event::BusWarning { .. }
         );
-        if warns && scene.case.is_untroubled() {
+        if warns && scene.is_untroubled {
             found.violate(NAME, scene, "a warning where nothing is wrong", || {
                 format!("{event:?}")
             });

@@ -82,7 +82,7 @@ impl Checker for Bus {
             });
         }
         let before = self.syncs[bus].replace(sent.start);
-        let Some(before) = before.filter(|_| scene.case.is_untroubled()) else {
+        let Some(before) = before.filter(|_| scene.is_untroubled) else {
             return;
         };
         let apart = sent.start.saturating_since(before).as_nanos() as f64 * 1e-9;
@@ -99,10 +99,10 @@ impl Checker for Bus {
     fn sync(&mut self, scene: &Scene<'_>, bus: usize, found: &mut Found) {
         let [now, before] = self.acyclic[bus];
         self.acyclic[bus] = [false, now];
-        if std::mem::take(&mut self.asked[bus]) && scene.case.is_untroubled() {
+        if std::mem::take(&mut self.asked[bus]) && scene.is_untroubled {
             Self::requested(scene, bus, found);
         }
-        if !scene.case.is_untroubled() {
+        if !scene.is_untroubled {
             return;
         }
         let drives = scene.drives_of(bus);
@@ -122,7 +122,7 @@ impl Checker for Bus {
     fn ended(&mut self, scene: &Scene<'_>, played: &Played, found: &mut Found) {
         for (bus, spec) in played.summary.bus.iter().zip(&scene.machine.buses) {
             let allowed = 1.0 + BLOCKING / f64::from(spec.bitrate) / scene.period();
-            if bus.peak_utilisation > allowed && scene.case.is_untroubled() {
+            if bus.peak_utilisation > allowed && scene.is_untroubled {
                 found.violate(NAME, scene, "more frames than fit a cycle", || {
                     let (name, share) = (&bus.name, bus.peak_utilisation);
                     format!("bus {name}: {share}, allowed {allowed}")

@@ -48,7 +48,7 @@ impl Checker for Ending {
                 format!("machine {}", scene.state)
             });
         }
-        if !scene.case.is_untroubled() {
+        if !scene.is_untroubled {
             return;
         }
         for (drive, plant) in scene.plants.iter().enumerate() {

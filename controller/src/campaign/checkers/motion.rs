@@ -128,7 +128,7 @@ impl Motion {
             };
             is.truncate(SHOWN_AFTER - 1);
             is.push_front(scene.axis(index, sides.iter().sum::<f64>() / sides.len() as f64));
-            if is.len() < SHOWN_AFTER || !scene.case.is_untroubled() {
+            if is.len() < SHOWN_AFTER || !scene.is_untroubled {
                 continue;
             }
             let least = is.iter().copied().fold(f64::INFINITY, f64::min);

@@ -220,7 +220,7 @@ impl Outputs {
         // Where something goes wrong with buses, devices may have another cycle's outputs than others.
         let mut devices: Vec<usize> = wired.iter().map(|(device, _)| *device).collect();
         devices.dedup();
-        let groups = match scene.case.is_untroubled() && !outputs.is_empty() {
+        let groups = match scene.is_untroubled && !outputs.is_empty() {
             true => vec![(0..outputs.len()).collect()],
             false => {
                 let group = |device: usize| {

@@ -79,6 +79,10 @@ pub struct Scene<'a> {
     pub commanded: Vec<f64>,
     /// What happened from outside, and when.
     pub interferences: Vec<(Instant, Interference)>,
+    /// Whether nothing goes wrong in the case, as [`Case::is_untroubled`] has it.
+    pub is_untroubled: bool,
+    /// Somebody has switched an input by which an axis is homed.
+    is_misled: bool,
     /// A fault was told, and no reset since.
     pub faulted: bool,
     /// Which drive told its status by the last frame.
@@ -231,6 +235,8 @@ impl<'a> Scene<'a> {
             shown: Vec::new(),
             commanded: Vec::new(),
             interferences: Vec::new(),
+            is_untroubled: case.is_untroubled(),
+            is_misled: false,
             faulted: false,
             told_status: None,
             told_controlword: None,
@@ -303,15 +309,7 @@ impl<'a> Scene<'a> {
     /// Whether an axis goes by machine positions, and nobody has switched an input by which it is homed.
     #[must_use]
     pub fn is_placed(&self, axis: usize) -> bool {
-        let home = |drive: usize, place: u8| {
-            let mut wires = self.case.machine.wires();
-            wires.any(|(of, wire)| (of, wire.place) == (drive, place) && wire.is_home())
-        };
-        let mut misled = self.interferences.iter().map(|(_, what)| match *what {
-            Interference::Drive(drive, ToDrive::Input(place, _)) => home(drive, place),
-            _ => false,
-        });
-        self.referenced[axis] && self.state != State::Homing && !misled.any(|it| it)
+        self.referenced[axis] && self.state != State::Homing && !self.is_misled
     }
 
     /// Where a drive's shaft is, mm.
@@ -433,6 +431,11 @@ impl<'a> Scene<'a> {
     }
 
     pub(super) fn interfered(&mut self, what: &Interference) {
+        if let Interference::Drive(drive, ToDrive::Input(place, _)) = *what {
+            let mut wires = self.case.machine.wires();
+            self.is_misled |=
+                wires.any(|(of, wire)| (of, wire.place) == (drive, place) && wire.is_home());
+        }
         self.interferences.push((self.now, what.clone()));
     }
 
