@@ -5,6 +5,7 @@ use crate::counted::counted;
 use crate::machine::{Machine, Node, POLL, STATE_POLL, Seat};
 use std::fmt;
 use std::ops::RangeInclusive;
+use std::sync::Arc;
 use std::time::Duration;
 use syncline_canopen::budget::{BLOCKING_BITS, Budget, Direction, Pdo, Traffic, Verdict};
 use syncline_canopen::response_time::bit_time;
@@ -24,8 +25,6 @@ pub struct BusBudget {
     pub budget: Budget,
     /// Whether it fits, SYNC on time beside requests by SDO included.
     pub verdict: Verdict,
-    /// Share of the bus's time that frames take on average in motion, by their exact lengths.
-    pub typical_load: f64,
     /// SDO requests that the controller sends in a cycle, with their answers, beside SYNC and PDOs; at
     /// least one, as none is sent while axes move.
     pub sdo_per_cycle: usize,
@@ -45,12 +44,9 @@ pub struct BusBudget {
     /// Its devices that are asked by SDO while axes move, so that a frame more than the PDOs has to fit every
     /// cycle, and each has its turn often enough.
     pub polled: Vec<String>,
-    /// The least cycle that fits and that all devices of the machine take.
-    pub smallest_cycle: Option<Duration>,
-    /// So many of those that are polled the cycle has room for beside the other devices, where not for all of them.
-    pub most_polled: usize,
-    /// The least higher bit rate that all its devices take and that fits this cycle.
-    pub higher_bit_rate: Option<u32>,
+    /// What it is a bus of, and which: what would fit is asked of these, and only where somebody wants to know.
+    machine: Arc<Machine>,
+    index: usize,
 }
 
 /// All of a machine's buses, and the one instant of the cycle that they share.
@@ -220,8 +216,9 @@ impl MachineBudget {
     /// A machine's budget, whether it fits or not.
     #[must_use]
     pub fn of(machine: &Machine) -> Self {
+        let kept = Arc::new(machine.clone());
         let mut buses: Vec<BusBudget> = (0..machine.buses.len())
-            .map(|bus| BusBudget::of(machine, bus))
+            .map(|bus| BusBudget::of(&kept, bus))
             .collect();
         let latest = buses.iter().map(|bus| bus.budget.latest_burst).min();
         let stated = machine.controller.setpoint_offset;
@@ -445,14 +442,30 @@ fn long_turn(devices: usize, transfers: usize, cycle: Duration) -> Option<Durati
     (devices > transfers && turn > LONGEST_TURN).then_some(turn)
 }
 
+/// A bus's nodes, each with its device.
+fn nodes(machine: &Machine, bus: usize) -> Vec<(Node<'_>, Device)> {
+    let nodes = machine
+        .nodes()
+        .enumerate()
+        .filter(|(_, node)| node.bus == bus);
+    nodes
+        .map(|(index, node)| (node, machine.device(index)))
+        .collect()
+}
+
+/// Whether a device is asked by SDO while axes move.
+fn is_polled(device: &Device) -> bool {
+    matches!(device.spec().monitoring, Monitoring::Poll(_))
+}
+
+/// SDO requests in a cycle, to devices that take so long to answer: one at a time of each node.
+fn transfers(budget: &Budget, nodes: usize, answer: Duration) -> usize {
+    budget.sdo_transfers(answer).min(nodes.max(1))
+}
+
 impl BusBudget {
-    fn of(machine: &Machine, bus: usize) -> Self {
-        let places: Vec<usize> = (machine.nodes().enumerate())
-            .filter_map(|(index, node)| (node.bus == bus).then_some(index))
-            .collect();
-        let nodes: Vec<(Node<'_>, Device)> = (places.iter())
-            .map(|&index| (machine.node(index), machine.device(index)))
-            .collect();
+    fn of(machine: &Arc<Machine>, bus: usize) -> Self {
+        let nodes = nodes(machine, bus);
         let devices = nodes.iter().map(|(_, device)| device);
         let traffic = Traffic {
             bit_rate: machine.buses[bus].bitrate,
@@ -468,62 +481,10 @@ impl BusBudget {
         let sync_tolerance = locks.map(|lock| lock.tolerance).min();
         let answers = devices.map(|device| device.spec().sdo_response);
         let answer = answers.max().unwrap_or_default();
-        // One at a time of each node.
-        let transfers = |budget: &Budget, nodes: usize| budget.sdo_transfers(answer).min(nodes);
-        let sdo_per_cycle = transfers(&budget, nodes.len().max(1));
-        let is_polled = |(_, device): &(Node<'_>, Device)| {
-            matches!(device.spec().monitoring, Monitoring::Poll(_))
-        };
+        let sdo_per_cycle = transfers(&budget, nodes.len(), answer);
         let name = |(node, _): &(Node<'_>, Device)| format!("{} ({})", node.name, node.model.title);
-        let polled = nodes.iter().filter(|it| is_polled(it)).map(name);
-        let polled: Vec<String> = polled.collect();
-        let is_on_time = |traffic: &Traffic, polled: usize| {
-            let budget = traffic.budget();
-            let requests = Requests {
-                polls: polled > 0,
-                sync_tolerance,
-                response: answer,
-            };
-            let transfers = transfers(&budget, traffic.nodes.len().max(1));
-            let has_turns = long_turn(polled, transfers, budget.cycle).is_none();
-            requests.hold(&budget, machine.controller.setpoint_offset) && has_turns
-        };
-        // What a device sends in a cycle may depend on that.
-        let in_cycle = |cycle: Duration| Traffic {
-            bit_rate: traffic.bit_rate,
-            cycle,
-            nodes: (places.iter())
-                .map(|&index| machine.device_in(index, cycle).spec().traffic())
-                .collect(),
-        };
-        let smallest_cycle = least(&cycles(machine).collect::<Vec<_>>(), |cycle| {
-            is_on_time(&in_cycle(cycle), polled.len())
-        });
-        let mut rates = BIT_RATES.iter().copied().filter(|rate| {
-            let mut models = nodes.iter().map(|(node, _)| node.model);
-            *rate > traffic.bit_rate && models.all(|model| model.bitrates.contains(rate))
-        });
-        let at_rate = |bit_rate| Traffic {
-            bit_rate,
-            ..traffic.clone()
-        };
-        let higher_bit_rate = rates.find(|rate| is_on_time(&at_rate(*rate), polled.len()));
-        // Without the last of them.
-        let with_polled = |count: usize| {
-            let mut left = count;
-            let stays = nodes.iter().map(|it| {
-                let stays = !is_polled(it) || left > 0;
-                left -= usize::from(is_polled(it) && stays);
-                stays
-            });
-            let kept = traffic.nodes.iter().zip(stays).filter(|(_, stays)| *stays);
-            Traffic {
-                nodes: kept.map(|(node, _)| node.clone()).collect(),
-                ..traffic.clone()
-            }
-        };
-        let mut fewer = (1..polled.len()).rev();
-        let most_polled = fewer.find(|count| is_on_time(&with_polled(*count), *count));
+        let polled = nodes.iter().filter(|(_, device)| is_polled(device));
+        let polled: Vec<String> = polled.map(name).collect();
         let poll = match !polled.is_empty() {
             true => bit_time(2 * BLOCKING_BITS, budget.bit_rate),
             false => Duration::ZERO,
@@ -538,14 +499,89 @@ impl BusBudget {
             sdo_response: answer,
             setpoint_offset: budget.setpoint_offset,
             verdict: budget.verdict,
-            typical_load: typical_load(machine, &nodes, traffic.bit_rate),
-            smallest_cycle,
-            higher_bit_rate,
-            most_polled: most_polled.unwrap_or(0),
             polled,
             budget,
             traffic,
+            machine: Arc::clone(machine),
+            index: bus,
         }
+    }
+
+    /// Whether all of another traffic of it is on time, so many of whose devices are polled.
+    fn is_on_time(&self, traffic: &Traffic, polled: usize) -> bool {
+        let budget = traffic.budget();
+        let requests = Requests {
+            polls: polled > 0,
+            ..self.requests()
+        };
+        let transfers = transfers(&budget, traffic.nodes.len(), self.sdo_response);
+        let has_turns = long_turn(polled, transfers, budget.cycle).is_none();
+        requests.hold(&budget, self.machine.controller.setpoint_offset) && has_turns
+    }
+
+    /// The least cycle that fits and that all devices of the machine take.
+    #[must_use]
+    pub fn smallest_cycle(&self) -> Option<Duration> {
+        let machine = &self.machine;
+        let places = machine.nodes().enumerate();
+        let places = places.filter(|(_, node)| node.bus == self.index);
+        let places: Vec<usize> = places.map(|(index, _)| index).collect();
+        // What a device sends in a cycle may depend on that.
+        let in_cycle = |cycle: Duration| Traffic {
+            bit_rate: self.traffic.bit_rate,
+            cycle,
+            nodes: (places.iter())
+                .map(|&index| machine.device_in(index, cycle).spec().traffic())
+                .collect(),
+        };
+        least(&cycles(machine).collect::<Vec<_>>(), |cycle| {
+            self.is_on_time(&in_cycle(cycle), self.polled.len())
+        })
+    }
+
+    /// The least higher bit rate that all its devices take and that fits this cycle.
+    #[must_use]
+    pub fn higher_bit_rate(&self) -> Option<u32> {
+        let mut rates = BIT_RATES.iter().copied().filter(|rate| {
+            let nodes = self.machine.nodes().filter(|node| node.bus == self.index);
+            let mut models = nodes.map(|node| node.model);
+            *rate > self.traffic.bit_rate && models.all(|model| model.bitrates.contains(rate))
+        });
+        let at_rate = |bit_rate| Traffic {
+            bit_rate,
+            ..self.traffic.clone()
+        };
+        rates.find(|rate| self.is_on_time(&at_rate(*rate), self.polled.len()))
+    }
+
+    /// So many of those that are polled the cycle has room for beside the other devices, where not for all of them.
+    fn most_polled(&self) -> usize {
+        let nodes = nodes(&self.machine, self.index);
+        // Without the last of them.
+        let with_polled = |count: usize| {
+            let mut left = count;
+            let stays = nodes.iter().map(|(_, device)| {
+                let stays = !is_polled(device) || left > 0;
+                left -= usize::from(is_polled(device) && stays);
+                stays
+            });
+            let kept = self.traffic.nodes.iter().zip(stays);
+            let kept = kept.filter(|(_, stays)| *stays);
+            Traffic {
+                nodes: kept.map(|(node, _)| node.clone()).collect(),
+                ..self.traffic.clone()
+            }
+        };
+        let mut fewer = (1..self.polled.len()).rev();
+        let most = fewer.find(|count| self.is_on_time(&with_polled(*count), *count));
+        most.unwrap_or(0)
+    }
+
+    /// Share of the bus's time that frames take on average in motion, by their exact lengths.
+    #[must_use]
+    pub fn typical_load(&self) -> f64 {
+        let nodes = nodes(&self.machine, self.index);
+        typical_load(&self.machine, &nodes, self.traffic.bit_rate)
     }
 
     /// What requests on it must not be in the way of.
@@ -612,7 +648,7 @@ impl BusBudget {
                 transfers,
                 turn,
                 advice: self.other_cycle(),
-                most: self.most_polled,
+                most: self.most_polled(),
             });
         }
         Ok(())
@@ -620,15 +656,15 @@ impl BusBudget {
 
     /// The least cycle that fits, or else the least higher bit rate.
     fn other_cycle(&self) -> String {
-        match (self.smallest_cycle, self.higher_bit_rate) {
-            (Some(cycle), _) => format!("the least cycle that fits is {}", Millis(cycle)),
-            (None, Some(rate)) => format!(
+        if let Some(cycle) = self.smallest_cycle() {
+            return format!("the least cycle that fits is {}", Millis(cycle));
+        }
+        match self.higher_bit_rate() {
+            Some(rate) => format!(
                 "no cycle that its drives take fits; the least bit rate that fits is {} kbit/s",
                 rate / 1000
             ),
-            (None, None) => {
-                "neither a cycle nor a higher bit rate that its drives take fits".to_owned()
-            }
+            None => "neither a cycle nor a higher bit rate that its drives take fits".to_owned(),
         }
     }
 
@@ -852,7 +888,7 @@ impl fmt::Display for BusBudget {
             ),
             (
                 "typical load",
-                format!("{:.1} % of the bus", self.typical_load * 100.0),
+                format!("{:.1} % of the bus", self.typical_load() * 100.0),
             ),
         ] {
             writeln!(f, "  {name:<16}{value}")?;
@@ -1061,7 +1097,7 @@ mod tests {
                 // What is advised is taken.
                 if let Err(DoesNotFit::Turns { most, .. }) = told {
                     let cycle = budget.buses[0]
-                        .smallest_cycle
+                        .smallest_cycle()
                         .map(|it| it.as_micros() as u32);
                     assert!(cycle.is_none_or(|cycle| steppers(count, cycle).check().is_ok()));
                     let fewer = (most > 0).then(|| steppers(most, cycle_ms * 1000).check());
@@ -1132,7 +1168,7 @@ mod tests {
             panic!("one bus");
         };
         assert_eq!(bus.verdict, Verdict::DoesNotFit);
-        assert_eq!(bus.smallest_cycle, Some(Duration::from_millis(7)));
+        assert_eq!(bus.smallest_cycle(), Some(Duration::from_millis(7)));
         assert!(
             bus.to_string().starts_with("bus one: does not fit\n"),
             "{bus}"

@@ -91,8 +91,8 @@ fn bus_json(bus: &BusBudget) -> Value {
         "sdo_transfers_per_cycle": bus.sdo_per_cycle,
         "load_in_motion": bus.load_in_motion.as_secs_f64() / budget.cycle.as_secs_f64(),
         "load": bus.load.as_secs_f64() / budget.cycle.as_secs_f64(),
-        "typical_load": bus.typical_load,
-        "smallest_cycle_us": bus.smallest_cycle.map(micros),
+        "typical_load": bus.typical_load(),
+        "smallest_cycle_us": bus.smallest_cycle().map(micros),
         "on_two_buses_us": bus.traffic.on_two_buses().map(|half| micros(half.budget().demand)),
         "pdos": budget.pdos.iter().map(|pdo| json!({
             "node": pdo.node.get(),

@@ -2318,7 +2318,7 @@ proptest! {
         let refused = machine(STEP * half_ms).filter(|it| check(it).is_err());
         prop_assume!(refused.is_some());
         let mut refused = refused.unwrap();
-        if let Some(least) = MachineBudget::of(&refused).buses[0].smallest_cycle {
+        if let Some(least) = MachineBudget::of(&refused).buses[0].smallest_cycle() {
             let least = least.as_micros() as u64;
             let taken = machine(least).expect("its drives take that cycle");
             prop_assert_eq!(check(&taken), Ok(()), "in {} µs", least);
