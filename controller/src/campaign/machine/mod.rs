@@ -326,9 +326,7 @@ impl MachineSpec {
                 }
             }
         }
-        if wired.fits() {
-            *self = wired;
-        }
+        self.take_if_it_fits(wired);
     }
 
     /// Gives some machines an I/O node or two, where the buses have room for what they carry then.
@@ -350,9 +348,7 @@ impl MachineSpec {
             }
             used.push((io.bus, io.node));
         }
-        if equipped.fits() {
-            *self = equipped;
-        }
+        self.take_if_it_fits(equipped);
     }
 
     /// Wires analog inputs to some I/O nodes, where the buses have room for what they tell.
@@ -361,9 +357,7 @@ impl MachineSpec {
         for (place, io) in measuring.io_nodes.iter_mut().enumerate() {
             io.measure(dice, place as u8);
         }
-        if measuring.fits() {
-            *self = measuring;
-        }
+        self.take_if_it_fits(measuring);
     }
 
     /// Has a drive turn the spindle of some machines, where the buses have room for it.
@@ -391,9 +385,7 @@ impl MachineSpec {
             spindle: Some(spindle),
             ..self.clone()
         };
-        if turned.fits() {
-            *self = turned;
-        }
+        self.take_if_it_fits(turned);
     }
 
     /// Has some machines home axes of one drive: where they are set, or by a switch that is searched.
@@ -407,9 +399,7 @@ impl MachineSpec {
                 axis.home(dice);
             }
         }
-        if homed.fits() {
-            *self = homed;
-        }
+        self.take_if_it_fits(homed);
     }
 
     /// Has some of those that are homed by a switch take the index behind it.
@@ -426,9 +416,7 @@ impl MachineSpec {
         for place in 0..self.axes.len() {
             let mut with = self.clone();
             with.axes[place].send_torques(dice);
-            if with.axes[place] != self.axes[place] && with.fits() {
-                *self = with;
-            }
+            self.take_if_it_fits(with);
         }
     }
 
@@ -437,9 +425,7 @@ impl MachineSpec {
         for place in 0..self.axes.len() {
             let mut with = self.clone();
             with.axes[place].weigh(dice);
-            if with.axes[place] != self.axes[place] && with.fits() {
-                *self = with;
-            }
+            self.take_if_it_fits(with);
         }
     }
 
@@ -484,9 +470,7 @@ impl MachineSpec {
                 watched.give_encoder(dice, axis);
             }
         }
-        if watched.fits() {
-            *self = watched;
-        }
+        self.take_if_it_fits(watched);
     }
 
     fn give_encoder(&mut self, dice: &mut Dice, axis: usize) {
@@ -577,9 +561,7 @@ impl MachineSpec {
             }
             described.models.push(table);
         }
-        if described.fits() {
-            *self = described;
-        }
+        self.take_if_it_fits(described);
     }
 
     /// Has some machines shape their setpoints.
@@ -605,9 +587,7 @@ impl MachineSpec {
             shaper,
             ..self.clone()
         };
-        if shaped.fits() {
-            *self = shaped;
-        }
+        self.take_if_it_fits(shaped);
     }
 
     /// The bus and the node id of every device, in the order of the machine.
@@ -675,6 +655,13 @@ impl MachineSpec {
     fn fits(&self) -> bool {
         let machine = self.machine();
         machine.is_ok_and(|machine| MachineBudget::of(&machine).check().is_ok())
+    }
+
+    /// Becomes another one that is good. Whether that is so is looked into only where anything is different.
+    fn take_if_it_fits(&mut self, other: Self) {
+        if other != *self && other.fits() {
+            *self = other;
+        }
     }
 
     /// The machine file.
