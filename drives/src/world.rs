@@ -75,6 +75,22 @@ pub struct World {
 struct Bus {
     wire: SimBus<Box<dyn SimulatedDevice>>,
     observer: Observer,
+    /// When anything happens next on it, in the world's own time; known while time passes.
+    next: Option<Instant>,
+}
+
+impl Bus {
+    /// Lets its frames travel and its nodes act, in the world's own time, which began `passed` after the origin of time.
+    fn live_until(&mut self, until: Instant, passed: Duration) {
+        let Self { wire, observer, .. } = self;
+        wire.advance_to(until, &mut |sent| {
+            observer(&Transmission {
+                start: sent.start + passed,
+                end: sent.end + passed,
+                ..*sent
+            });
+        });
+    }
 }
 
 impl Default for World {
@@ -111,6 +127,7 @@ impl World {
         self.buses.push(Bus {
             wire: SimBus::new(bit_rate),
             observer: Box::new(observer),
+            next: None,
         });
         BusId(self.buses.len() - 1)
     }
@@ -199,33 +216,36 @@ impl World {
     pub fn advance_to(&mut self, now: Instant) {
         let origin = *self.origin.get_or_insert(now);
         let until = Instant::ZERO + (now - origin);
+        let passed = origin - Instant::ZERO;
         // One bus alone need not be held back.
         if self.buses.len() > 1 || !self.couplings.is_empty() {
-            while let Some(event) = self.next_event().filter(|event| *event <= until) {
-                self.live_until(event);
-            }
+            self.live_by_events(until, passed);
         }
-        self.live_until(until);
-    }
-
-    /// When anything happens next on any bus or to coupled shafts, in the world's own time.
-    fn next_event(&self) -> Option<Instant> {
-        let buses = self.buses.iter().filter_map(|bus| bus.wire.next_event());
-        buses.chain(self.couplings.next()).min()
-    }
-
-    fn live_until(&mut self, until: Instant) {
-        let passed = self.origin.unwrap_or(Instant::ZERO) - Instant::ZERO;
-        for Bus { wire, observer } in &mut self.buses {
-            wire.advance_to(until, &mut |sent| {
-                observer(&Transmission {
-                    start: sent.start + passed,
-                    end: sent.end + passed,
-                    ..*sent
-                });
-            });
+        for bus in &mut self.buses {
+            bus.live_until(until, passed);
         }
         self.couplings.move_until(until, &mut self.buses);
+    }
+
+    /// Lets what happens until then happen in the order of time. Only where something happens is anything looked at.
+    fn live_by_events(&mut self, until: Instant, passed: Duration) {
+        for bus in &mut self.buses {
+            bus.next = bus.wire.next_event();
+        }
+        loop {
+            let buses = self.buses.iter().filter_map(|bus| bus.next);
+            let next = buses.chain(self.couplings.next()).min();
+            let Some(event) = next.filter(|event| *event <= until) else {
+                return;
+            };
+            for bus in &mut self.buses {
+                if bus.next.is_some_and(|next| next <= event) {
+                    bus.live_until(event, passed);
+                    bus.next = bus.wire.next_event();
+                }
+            }
+            self.couplings.move_until(event, &mut self.buses);
+        }
     }
 }
 
