@@ -165,7 +165,8 @@ impl Stuffed {
     /// Of all bits so far. The register begins with 0, so that the zeros before the first bit do nothing.
     fn crc(&self) -> u16 {
         let bytes = self.word.to_be_bytes();
-        bytes.iter().fold(0, |crc, byte| {
+        let zeros = self.word.leading_zeros() as usize / 8;
+        bytes[zeros..].iter().fold(0, |crc, byte| {
             crc << 8 & 0x7FFF ^ CRC[usize::from((crc >> 7) as u8 ^ byte)]
         })
     }
@@ -176,9 +177,11 @@ impl Stuffed {
         let first = self.word >> (self.bits - 1) & 1 == 1;
         let turns = (u128::MAX / 3) << u32::from(first);
         let bytes = (self.word | turns.unbounded_shl(self.bits)).to_be_bytes();
-        let mut run = 0;
+        let (before, bytes) = bytes.split_at((u128::BITS - self.bits) as usize / 8);
+        let bit = before.last().is_some_and(|byte| byte & 1 == 1);
+        let mut run = Run { bit, length: 1 }.number();
         let mut stuffed = 0;
-        for byte in bytes {
+        for &byte in bytes {
             let (then, more) = STUFFING[usize::from(run)][usize::from(byte)];
             run = then;
             stuffed += u32::from(more);
