@@ -1,0 +1,120 @@
+//! How fast a campaign goes: cases of machines of four axes at 2 ms, from drawing to the end, bring-up included, before all checkers;
+//! the axes rigid, or elastic with friction, play and a power stage. What is measured is the thread's processor time:
+//! `cargo bench -p syncline-benches --bench campaign`, with how many cases, and from which seed on, if not 50 and 0:
+//! `-- 50 0`.
+
+use std::time::Duration;
+use syncline_controller::campaign::{self, AxisSpec, Case, ErrorSpec, TransmissionSpec, Wanted};
+use syncline_controller::realtime::thread_time;
+
+/// A case is measured so many times; the least of them is what others on the host disturbed least.
+const TIMES: usize = 3;
+
+/// What the axes of a case are made of.
+#[derive(Clone, Copy, Debug)]
+enum Plants {
+    AsDrawn,
+    Rigid,
+    Full,
+}
+
+impl Plants {
+    fn give(self, case: &mut Case) {
+        for axis in &mut case.machine.axes {
+            match self {
+                Self::AsDrawn => {}
+                Self::Rigid => rigid(axis),
+                Self::Full => full(axis),
+            }
+        }
+    }
+}
+
+/// What an axis is said to be simulated with but for where it stands first, which its homing needs.
+fn start(axis: &AxisSpec) -> Option<String> {
+    let keys = axis.simulation.as_deref()?.split(", ");
+    let start: Vec<_> = keys.filter(|key| key.starts_with("start")).collect();
+    (!start.is_empty()).then(|| start.join(", "))
+}
+
+/// An inertia with friction, and a torque that follows at once.
+fn rigid(axis: &mut AxisSpec) {
+    axis.simulation = start(axis);
+    axis.transmission = None;
+    axis.corrected = None;
+}
+
+/// A screw that gives way, with play and a guide that rubs, behind a motor with its power stage; not of a stepper, which has
+/// none.
+fn full(axis: &mut AxisSpec) {
+    if axis.drives.iter().any(|drive| drive.model == "tsp10") {
+        return;
+    }
+    let motor = "motor = \"generic-3\"".to_owned();
+    let keys: Vec<_> = [Some(motor), start(axis)].into_iter().flatten().collect();
+    axis.simulation = Some(keys.join(", "));
+    axis.transmission = Some(TransmissionSpec {
+        errors: ErrorSpec {
+            backlash: 1e-4 * axis.travel,
+            lead_error: Vec::new(),
+        },
+        soft: Some((200.0, 1.0)),
+    });
+    axis.corrected = None;
+}
+
+/// Virtual seconds of a case and the processor time that it takes, drawing included; how much of it is wrong.
+fn measure(seed: u64, plants: Plants) -> (f64, Duration, usize) {
+    let mut least = Duration::MAX;
+    let (mut seconds, mut violations) = (0.0, 0);
+    for _ in 0..TIMES {
+        let began = thread_time();
+        let mut case = Case::of(seed);
+        plants.give(&mut case);
+        let outcome = campaign::run(&case, Wanted::default(), &mut |_| ());
+        least = least.min(thread_time() - began);
+        seconds = outcome.seconds[0];
+        violations = outcome.violations.len();
+    }
+    (seconds, least, violations)
+}
+
+fn main() {
+    let numbers = std::env::args().skip(1).filter_map(|it| it.parse().ok());
+    let numbers: Vec<u64> = numbers.collect();
+    let count = numbers.first().copied().unwrap_or(50) as usize;
+    let first = numbers.get(1).copied().unwrap_or(0);
+    let is_asked = |seed: &u64| {
+        let machine = Case::of(*seed).machine;
+        machine.axes.len() == 4 && machine.cycle_us == 2000
+    };
+    let seeds: Vec<u64> = (first..).filter(is_asked).take(count).collect();
+    println!("virtual seconds a second of processor time, {count} cases of four axes at 2 ms");
+    println!(
+        "{:10} {:>7} {:>7} {:>7} {:>9} {:>12} {:>10}",
+        "axes", "tenth", "median", "ninth", "all", "virtual, s", "violations"
+    );
+    for plants in [Plants::Rigid, Plants::Full, Plants::AsDrawn] {
+        let (mut all, mut took, mut violations) = (0.0, Duration::ZERO, 0);
+        let mut paces = Vec::new();
+        for &seed in &seeds {
+            let (seconds, time, found) = measure(seed, plants);
+            all += seconds;
+            took += time;
+            violations += found;
+            paces.push(seconds / time.as_secs_f64());
+        }
+        paces.sort_by(f64::total_cmp);
+        let at = |part: usize| paces[(paces.len() - 1) * part / 10];
+        println!(
+            "{:10} {:>7.0} {:>7.0} {:>7.0} {:>9.0} {:>12.0} {:>10}",
+            format!("{plants:?}"),
+            at(1),
+            at(5),
+            at(9),
+            all / took.as_secs_f64(),
+            all,
+            violations
+        );
+    }
+}
