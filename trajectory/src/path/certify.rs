@@ -204,8 +204,8 @@ impl<const N: usize> Stretch<'_, N> {
 
     /// What three samples, evenly spread over `time`, tell, and upper bounds between them.
     fn estimate(&self, time: f64, top: f64, samples: [&Sample<N>; 3]) -> ([f64; 3], [f64; 3]) {
-        let [_, d2, d3, d4, d5, d6] =
-            (self.path_segment.curve).growth_between(samples[0].place, samples[2].place);
+        let growth = (self.path_segment.curve).growth_between(samples[0].place, samples[2].place);
+        let [_, d2, d3, d4, d5, d6] = &growth;
         let (v, a, j) = (
             top,
             samples[0].a.abs().max(samples[2].a.abs()),
@@ -221,7 +221,14 @@ impl<const N: usize> Stretch<'_, N> {
         ];
         let mut seen = [0.0_f64; 3];
         let mut most = [0.0_f64; 3];
-        for i in 0..N {
+        // An axis that stands adds nothing.
+        let moves = |i: &usize| {
+            growth.iter().any(|d| d[*i] != 0.0)
+                || samples
+                    .iter()
+                    .any(|s| s.parts.iter().any(|part| part[*i] != 0.0))
+        };
+        for i in (0..N).filter(moves) {
             let third = [
                 d4[i] * v2 * v2 + 6.0 * d3[i] * v2 * a + d2[i] * (3.0 * a2 + 4.0 * v * j),
                 v2 * v * (d5[i] * v2 + 10.0 * d4[i] * a)

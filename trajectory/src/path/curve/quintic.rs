@@ -164,8 +164,12 @@ impl<const N: usize> Quintic<N> {
             0.5 * (u1 - u0) * (1.0 + ROUNDING) + ROUNDING_NEAR_ZERO,
         );
         // Taylor's coefficients of the derivative by the parameter, about the middle.
-        let mut taylor: [[f64; N]; 5] =
-            std::array::from_fn(|k| self.terms[k].map(|c| (k + 1) as f64 * c));
+        let mut taylor = self.terms;
+        for (k, terms) in taylor.iter_mut().enumerate() {
+            for c in terms {
+                *c *= (k + 1) as f64;
+            }
+        }
         for low in 0..4 {
             for k in (low..4).rev() {
                 for i in 0..N {
@@ -187,7 +191,14 @@ impl<const N: usize> Quintic<N> {
             .rev()
             .fold(0.0, |sum, c| (sum + c.abs()) * half);
         growth(
-            &std::array::from_fn(|i| spread(&taylor.map(|c| c[i]), half)),
+            &std::array::from_fn(|i| {
+                let taylor = [0, 1, 2, 3, 4].map(|k: usize| taylor[k][i]);
+                // Of an axis that stands everything is 0.
+                match taylor == [0.0; 5] {
+                    true => [0.0; ORDERS],
+                    false => spread(&taylor, half),
+                }
+            }),
             square[0] - rest,
             &spread(&square, half),
         )
@@ -196,16 +207,13 @@ impl<const N: usize> Quintic<N> {
 
 /// Bounds of a polynomial's first Taylor coefficients at any point no further than `half` from the
 /// one about which it has the coefficients `taylor`.
-fn spread(taylor: &[f64], half: f64) -> Jet {
-    let mut powers = [0.0; 9];
-    for (power, c) in powers.iter_mut().zip(taylor) {
-        *power = c.abs();
-    }
+fn spread<const TERMS: usize>(taylor: &[f64; TERMS], half: f64) -> Jet {
+    let mut powers = taylor.map(f64::abs);
     // Taylor's shift by `half`, all terms of one sign.
     for low in 0..ORDERS {
-        for k in (low..taylor.len() - 1).rev() {
+        for k in (low..TERMS - 1).rev() {
             powers[k] += half * powers[k + 1];
         }
     }
-    std::array::from_fn(|k| powers[k])
+    std::array::from_fn(|k| powers.get(k).copied().unwrap_or(0.0))
 }

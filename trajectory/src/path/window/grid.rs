@@ -45,7 +45,10 @@ impl Rates {
             let (d1, d2, d3) = (slope.d1[i].abs(), slope.d2[i].abs(), slope.d3[i].abs());
             let v = limits.velocity[i] / d1;
             r.fast = r.fast.min(v * v);
-            let bend = libm::cbrt(limits.jerk[i] / d3);
+            let bend = match d3 > 0.0 {
+                true => libm::cbrt(limits.jerk[i] / d3),
+                false => f64::INFINITY,
+            };
             r.cap = r.cap.min(limits.acceleration[i] / d2).min(bend * bend);
             r.acceleration = r.acceleration.min(limits.acceleration[i] / d1);
             r.jerk = r.jerk.min(limits.jerk[i] / d1);
