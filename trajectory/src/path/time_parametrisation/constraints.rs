@@ -155,19 +155,23 @@ impl Row {
         std::array::from_fn(|side| (target - self.product[side]) * self.inverse[side])
     }
 
-    /// Steps of slack and multiplier for the node's step.
+    /// Steps of slack and multiplier for the node's step; with a target, or straight for the optimum.
     #[inline]
-    pub(super) fn aim(
+    pub(super) fn aim<const HAS_TARGET: bool>(
         &mut self,
         [dw, da, dm]: [f64; 3],
         beta_step: f64,
-        target: Option<f64>,
+        target: f64,
         sums: &mut Sums,
     ) {
         let [w, a, m] = self.slope;
         let change = self.drift + (w * dw + a * da + m * dm);
         let change = [change - beta_step, -change - beta_step];
-        let pull = target.map_or([0.0; 2], |target| self.correct(target));
+        let pull = match HAS_TARGET {
+            true => self.correct(target),
+            false => [0.0; 2],
+        };
+        let (mut ahead, mut back) = ([0.0; 2], [0.0; 2]);
         for side in 0..2 {
             let (s, z) = (self.slack[side], self.force[side]);
             let ds = -(self.over[side] + change[side]) - s;
@@ -176,19 +180,25 @@ impl Row {
             self.slack_step[side] = ds;
             self.force_step[side] = dz;
             self.product[side] = ds * dz;
-            sums.reach[0] = sums.reach[0].max(-part);
-            let back = if target.is_some() {
-                1.0 + part - pull[side] / z
-            } else {
-                1.0 + part
+            ahead[side] = -part;
+            back[side] = match HAS_TARGET {
+                true => 1.0 + part - pull[side] / z,
+                false => 1.0 + part,
             };
-            sums.reach[1] = sums.reach[1].max(back);
             sums.gap[0] += s * z;
             sums.gap[1] += ds * z;
             sums.gap[2] += s * dz;
             sums.gap[3] += ds * dz;
         }
+        sums.reach[0] = greater(sums.reach[0], greater(ahead[0], ahead[1]));
+        sums.reach[1] = greater(sums.reach[1], greater(back[0], back[1]));
     }
+}
+
+/// The greater one. Unlike `f64::max` it takes no care of what is no number, of which the gap is none either.
+#[inline]
+fn greater(one: f64, other: f64) -> f64 {
+    if other > one { other } else { one }
 }
 
 /// What the rows' steps come to.

@@ -218,11 +218,11 @@ impl<const N: usize> TimeParametrisation<N> {
             // what the products of the steps will come to (Mehrotra, "On the Implementation of a
             // Primal-Dual Interior Point Method", 1992).
             self.direct(Aim::Optimum);
-            let sums = self.substitute(None);
+            let sums = self.substitute::<false>(0.0);
             let left = (sums.gap_after(sums.steps()) / outcome.gap).min(1.0);
             let target = (left * left * left).max(LEAST_CENTRING) * outcome.gap / pairs;
             self.direct(Aim::Target(target));
-            let sums = self.substitute(Some(target));
+            let sums = self.substitute::<true>(target);
             let [primal, dual] = sums.steps();
             outcome.gap = sums.gap_after([primal, dual]);
             self.go(primal, dual);
@@ -497,8 +497,8 @@ impl<const N: usize> TimeParametrisation<N> {
         }
     }
 
-    /// Goes through the step from the start to the end.
-    fn substitute(&mut self, target: Option<f64>) -> Sums {
+    /// Goes through the step from the start to the end; with a target, or straight for the optimum.
+    fn substitute<const HAS_TARGET: bool>(&mut self, target: f64) -> Sums {
         let mut sums = Sums::default();
         let (mut dw, mut da) = (0.0, 0.0);
         for (k, stage) in self.stages.iter_mut().enumerate() {
@@ -510,13 +510,13 @@ impl<const N: usize> TimeParametrisation<N> {
             }
             let (beta, beta_drift) = state.beta_slope();
             let beta_step = beta[0] * step[0] + beta[1] * step[1] + beta[2] * step[2] + beta_drift;
-            let target = target.map(|target| target * stage.weight);
+            let target = target * stage.weight;
             let [first, _, others, end] = stage.rows;
             for row in &mut self.rows[first..others] {
-                row.aim(step, beta_step, target, &mut sums);
+                row.aim::<HAS_TARGET>(step, beta_step, target, &mut sums);
             }
             for row in &mut self.rows[others..end] {
-                row.aim(step, 0.0, target, &mut sums);
+                row.aim::<HAS_TARGET>(step, 0.0, target, &mut sums);
             }
             (dw, da) = state.follow(step);
             stage.step = step;
