@@ -38,6 +38,8 @@ struct Watched {
     waits_for_rest: bool,
     /// Such a drive, a stepper, may have lost steps: its shaft was blocked, or it had no torque.
     loses_steps: bool,
+    /// The last phase in which a drive of its axis learns its place from it; `None`: it does not.
+    taught: Option<Phase>,
 }
 
 impl Encoders {
@@ -48,6 +50,7 @@ impl Encoders {
             let mut drives = axis.into_iter().flat_map(|axis| &axis.drives);
             Watched {
                 waits_for_rest: drives.any(|drive| scene.is_polled(*drive)),
+                taught: encoder.axis.and_then(|axis| taught(scene, axis)),
                 ..Watched::default()
             }
         });
@@ -168,7 +171,7 @@ impl Checker for Encoders {
             let cycles = scene.misses(drives + encoder) + IN_TIME;
             let mut in_time = f64::from(cycles) * scene.period();
             let mut is_compared = true;
-            if taught(scene, axis).is_some_and(|last| scene.phase <= last) {
+            if watched.taught.is_some_and(|last| scene.phase <= last) {
                 (watched.slipped, watched.loses_steps) = (0.0, false);
             }
             if watched.waits_for_rest {
