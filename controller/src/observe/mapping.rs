@@ -175,20 +175,20 @@ impl MappedNode {
         });
     }
 
-    /// An SDO answer: what it confirms holds. Whether it confirms anything.
+    /// An SDO answer: what it confirms holds. Whether it confirms under which identifier a PDO comes.
     fn answer(&mut self, data: &[u8]) -> bool {
         if let Some(Download { address, value }) = self.asked
             && let [0x60, a, b, c, ..] = *data
             && [a, b, c] == address
         {
             self.asked = None;
-            self.written(u16::from_le_bytes([a, b]), c, value);
-            return true;
+            return self.written(u16::from_le_bytes([a, b]), c, value);
         }
         false
     }
 
-    fn written(&mut self, index: u16, sub: u8, value: u32) {
+    /// An object has this value. Whether it says under which identifier a PDO comes.
+    fn written(&mut self, index: u16, sub: u8, value: u32) -> bool {
         let number = |first| index.checked_sub(first).filter(|n| *n < MOST_PDOS);
         for (pdos, (communication, mapping)) in self.pdos.iter_mut().zip(PARAMETERS) {
             if let Some(number) = number(mapping) {
@@ -207,8 +207,10 @@ impl MappedNode {
             {
                 let exists = value & INVALID == 0;
                 pdos.entry(number).or_default().identifier = exists.then_some(value & IDENTIFIER);
+                return true;
             }
         }
+        false
     }
 }
 
