@@ -133,7 +133,10 @@ impl Differences {
         let mut reached = [0.0_f64; 3];
         for &stride in strides {
             for (reached, difference) in reached.iter_mut().zip(self.at_stride(stride)) {
-                *reached = reached.max(difference.certain() * (1.0 - JOINTS));
+                // Most are certainly no more than what was reached at another stride, which is seen without a division.
+                if difference.size - difference.off > *reached * difference.time {
+                    *reached = reached.max(difference.certain() * (1.0 - JOINTS));
+                }
             }
         }
         reached
@@ -153,22 +156,25 @@ impl Differences {
     /// The differences of the first three orders up to the newest position, over a stride of [`STRIDES`]; at
     /// least one position was taken.
     pub(super) fn at_stride(&self, stride: usize) -> [Difference; 3] {
-        let [a, b, c, d] = [0, 1, 2, 3].map(|k| self.positions[k * stride]);
-        let rounding = ROUNDINGS * (a.abs().next_up() - a.abs());
-        let (mut time, mut off) = match self.uncertainty {
-            Uncertainty::Increments => (1.0, HALF),
-            Uncertainty::Numbers => (1.0, rounding),
-            Uncertainty::Within(off) => (1.0, off + rounding),
+        let at = |k: usize| self.positions[k * stride];
+        let (a, b, c, d) = (at(0), at(1), at(2), at(3));
+        let rounding = || ROUNDINGS * (a.abs().next_up() - a.abs());
+        let off = match self.uncertainty {
+            Uncertainty::Increments => HALF,
+            Uncertainty::Numbers => rounding(),
+            Uncertainty::Within(off) => off + rounding(),
         };
-        [a - b, a - 2.0 * b + c, a - 3.0 * (b - c) - d].map(|difference| {
-            time *= stride as f64 * self.period;
-            off *= 2.0;
-            Difference {
-                size: difference.abs(),
-                off,
-                time,
-            }
-        })
+        let h = stride as f64 * self.period;
+        let of = |difference: f64, off: f64, time: f64| Difference {
+            size: difference.abs(),
+            off,
+            time,
+        };
+        [
+            of(a - b, 2.0 * off, h),
+            of(a - 2.0 * b + c, 4.0 * off, h * h),
+            of(a - 3.0 * (b - c) - d, 8.0 * off, h * h * h),
+        ]
     }
 }
 
