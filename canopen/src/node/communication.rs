@@ -118,23 +118,23 @@ impl Communication {
     }
 
     pub(super) fn deadline(&self) -> Option<Instant> {
-        let watched = self.watched.iter().flatten();
-        let watched = watched.filter_map(heartbeat::Consumer::deadline);
-        let t_pdos = self.t_pdos.iter().filter_map(TPdo::deadline);
-        let expiry = match self.options.life_guarding {
-            LifeGuarding::AtExpiry => self.guarding.deadline(),
-            LifeGuarding::AtLateRequest => None,
-        };
-        let always = [self.heartbeat.deadline(), expiry];
-        let sync = self.sync.as_ref().and_then(sync::Producer::deadline);
+        let mut due = self.heartbeat.deadline();
+        let mut note = |at: Option<Instant>| due = sooner(due, at);
+        for watched in self.watched.iter().flatten() {
+            note(watched.deadline());
+        }
+        for t_pdo in &self.t_pdos {
+            note(t_pdo.deadline());
+        }
+        if self.options.life_guarding == LifeGuarding::AtExpiry {
+            note(self.guarding.deadline());
+        }
         // Neither is sent while the node is Stopped.
-        let communicating =
-            [self.emcy.deadline(), sync].map(|due| due.filter(|_| self.nmt.state().communicates()));
-        watched
-            .chain(t_pdos)
-            .chain(always.into_iter().flatten())
-            .chain(communicating.into_iter().flatten())
-            .min()
+        if self.nmt.state().communicates() {
+            note(self.emcy.deadline());
+            note(self.sync.as_ref().and_then(sync::Producer::deadline));
+        }
+        due
     }
 
     /// The number of the T_PDO with this identifier.
@@ -764,6 +764,14 @@ fn dummy_bits(address: Address) -> Option<u8> {
         (0x0003 | 0x0006, 0) => Some(16),
         (0x0004 | 0x0007, 0) => Some(32),
         _ => None,
+    }
+}
+
+/// The sooner one of what there is.
+fn sooner(one: Option<Instant>, other: Option<Instant>) -> Option<Instant> {
+    match (one, other) {
+        (Some(one), Some(other)) => Some(one.min(other)),
+        _ => one.or(other),
     }
 }
 
