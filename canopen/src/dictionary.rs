@@ -405,6 +405,9 @@ pub struct Dictionary {
     node: NodeId,
     refusals: Refusals,
     keys: Vec<u32>,
+    /// Their places, each where its key [begins](slot) or behind that: twice as many as there are keys, so that a place is found
+    /// in a step or two.
+    places: Vec<Option<u16>>,
     /// By row, 0 of a string: loops of simulated drives read numbers all the time.
     values: Vec<i64>,
     /// What was stored last; power-on values of the rows that were never stored.
@@ -434,6 +437,25 @@ impl Text {
     }
 }
 
+/// Where a key's place is looked for first, of so many, a power of two.
+fn slot(key: u32, places: usize) -> usize {
+    // Fibonacci hashing: neighbours, as most keys are, come far from each other.
+    (key.wrapping_mul(0x9E37_79B9) >> 8) as usize & places.saturating_sub(1)
+}
+
+/// The places of keys, each at its slot or at the next one that is free.
+fn places_of(keys: &[u32]) -> Vec<Option<u16>> {
+    let mut places = vec![None; 2 * keys.len().next_power_of_two()];
+    for (place, key) in keys.iter().enumerate() {
+        let mut slot = slot(*key, places.len());
+        while places[slot].is_some() {
+            slot = (slot + 1) & (places.len() - 1);
+        }
+        places[slot] = Some(place as u16);
+    }
+    places
+}
+
 impl Dictionary {
     /// The values of `node` after its first power-on.
     ///
@@ -457,6 +479,7 @@ impl Dictionary {
             entries,
             node,
             refusals: Refusals::default(),
+            places: places_of(&keys),
             keys,
             stored: values.clone(),
             values,
@@ -501,11 +524,15 @@ impl Dictionary {
     /// # Errors
     /// 0602 0000h for an unknown index, 0609 0011h for an unknown subindex.
     pub fn find(&self, address: Address) -> Result<Row, AbortCode> {
+        let mut slot = slot(address.key(), self.places.len());
+        while let Some(place) = self.places.get(slot).copied().flatten() {
+            if self.keys[usize::from(place)] == address.key() {
+                return Ok(Row(place));
+            }
+            slot = (slot + 1) & (self.places.len() - 1);
+        }
         let place = self.keys.partition_point(|&key| key < address.key());
         let at = |place: usize| self.keys.get(place).copied();
-        if at(place) == Some(address.key()) {
-            return Ok(Row(place as u16));
-        }
         let same_index =
             |key: Option<u32>| key.is_some_and(|key| (key >> 8) as u16 == address.index);
         if same_index(at(place)) || same_index(place.checked_sub(1).and_then(at)) {
