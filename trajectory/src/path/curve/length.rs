@@ -28,21 +28,22 @@ pub(super) fn growth<const N: usize>(first: &[Jet; N], least: f64, square: &Jet)
             .sum();
         slow[k] = sum / (k as f64 * least);
     }
-    let product =
-        |a: &Jet| -> Jet { std::array::from_fn(|k| (0..=k).map(|j| a[j] * slow[k - j]).sum()) };
     let mut out = [[0.0; N]; ORDERS];
     for i in (0..N).filter(|&i| first[i] != [0.0; ORDERS]) {
-        // d/ds = 1/σ d/du; of every derivative one coefficient fewer is known.
-        let mut jet = product(&first[i]);
+        // d/ds = 1/σ d/du; of every derivative one coefficient fewer is known, and asked for.
+        let mut jet = first[i];
         for order in 0..ORDERS {
-            out[order][i] = jet[0];
-            jet = product(&std::array::from_fn(|k| {
-                if k + 1 < ORDERS {
-                    (k + 1) as f64 * jet[k + 1]
-                } else {
-                    0.0
+            for k in (0..ORDERS - order).rev() {
+                let mut sum = jet[0] * slow[k];
+                for j in 1..=k {
+                    sum += jet[j] * slow[k - j];
                 }
-            }));
+                jet[k] = sum;
+            }
+            out[order][i] = jet[0];
+            for k in 1..ORDERS - order {
+                jet[k - 1] = k as f64 * jet[k];
+            }
         }
     }
     out

@@ -287,7 +287,8 @@ impl<const N: usize> TimeParametrisation<N> {
         for (k, cell) in cells.iter().enumerate() {
             let mut rows = [self.rows.len(); 4];
             let ([start, end], limits) = (&cell.ends, &cell.limits);
-            let flat = |slope: &Slope<N>| slope.d2 == [0.0; N] && slope.d3 == [0.0; N];
+            let is_flat = |slope: &Slope<N>, i: usize| slope.d2[i] == 0.0 && slope.d3[i] == 0.0;
+            let flat = |slope: &Slope<N>| (0..N).all(|i| is_flat(slope, i));
             let straight = flat(start) && flat(end) && start.d1 == end.d1;
             let along = strictest(&start.d1, &limits.jerk);
             for (at, slope) in cell.ends.iter().enumerate() {
@@ -297,7 +298,8 @@ impl<const N: usize> TimeParametrisation<N> {
                         self.rows.push(Row::new([0.0, 0.0, term], 1.0));
                     }
                 } else {
-                    for i in 0..N {
+                    let moves = |i: &usize| slope.d1[*i] != 0.0 || !is_flat(slope, *i);
+                    for i in (0..N).filter(moves) {
                         let scale = 1.0 / (cell.share[1] * limits.jerk[i]);
                         let terms = [slope.d3[i], 3.0 * slope.d2[i], slope.d1[i]];
                         let terms = terms.map(|d| d * scale);
@@ -317,7 +319,8 @@ impl<const N: usize> TimeParametrisation<N> {
                     let term = strictest(&start.d1, &limits.acceleration) / cell.share[0];
                     self.rows.push(Row::new([0.0, term, 0.0], 1.0));
                 } else {
-                    for i in 0..N {
+                    let moves = |i: &usize| start.d1[*i] != 0.0 || !is_flat(start, *i);
+                    for i in (0..N).filter(moves) {
                         let scale = 1.0 / (cell.share[0] * limits.acceleration[i]);
                         let terms = [start.d2[i] * scale, start.d1[i] * scale, 0.0];
                         if terms != [0.0; 3] {
