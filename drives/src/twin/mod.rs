@@ -29,6 +29,7 @@ pub mod device;
 pub mod lxm32m;
 pub mod node;
 pub mod random;
+mod rounding;
 pub mod servo;
 pub mod tlc5xx;
 pub mod tsp10;

@@ -9,6 +9,7 @@ use super::{
 };
 use crate::twin::device::{Disturbance, ErrorClass, Ripple};
 use crate::twin::node::Firmware;
+use crate::twin::rounding::nearest;
 use crate::twin::servo::cascade::{POSITION_STEP, Reference};
 use crate::twin::servo::firmware::{Servo, ServoFirmware};
 use crate::twin::servo::lasting::Lasting;
@@ -327,7 +328,7 @@ impl Drive {
         };
         let deviation = match self.is_sent_velocities() {
             true => 0,
-            false => libm::round(reference) as i64 - position,
+            false => nearest(reference) - position,
         };
         let unit = self.velocity_unit();
         let velocity = self.servo.velocity.velocity() / unit;
@@ -351,8 +352,8 @@ impl Drive {
             (0x6061, self.settings.mode),
             // What turns on and on begins anew.
             (0x6064, (position as i32).into()),
-            (0x606C, libm::round(velocity) as i64),
-            (0x6077, libm::round(torque) as i64),
+            (0x606C, nearest(velocity)),
+            (0x6077, nearest(torque)),
             (0x60F4, deviation),
         ] {
             self.objects.put(index, 0, value);

@@ -16,6 +16,7 @@ use super::windows::Windows;
 use super::{Identity, TwinConfig};
 use crate::twin::device::Disturbance;
 use crate::twin::node::Firmware;
+use crate::twin::rounding::nearest;
 use crate::twin::servo::cascade::{
     Cascade, Gains, POSITION_STEP, Reference, SPEED_STEP, SPEED_STEPS,
 };
@@ -378,7 +379,7 @@ impl Drive {
         let deviation = user_reference.saturating_sub(position);
         let load_deviation = self.user_position(self.load_deviation() as i64);
         let peak_deviation = self.user_position(self.peak_deviation as i64);
-        let (user_velocity, speed) = (self.user_velocity(velocity), libm::round(rpm) as i64);
+        let (user_velocity, speed) = (self.user_velocity(velocity), nearest(rpm));
         let ramp_speed = self.ramp.velocity * 60.0 / INCREMENTS_PER_REVOLUTION;
         let ramp_velocity = self.user_velocity(self.ramp.velocity);
         let (target, target_velocity) = match self.motion {
@@ -394,8 +395,8 @@ impl Drive {
             (rows.position_internal, encoder),
             (rows.reference_internal, reference),
             (rows.speed, speed),
-            (rows.speed_reference, libm::round(ramp_speed) as i64),
-            (rows.torque, libm::round(torque) as i64),
+            (rows.speed_reference, nearest(ramp_speed)),
+            (rows.torque, nearest(torque)),
             (rows.sync_status, self.sync.status() as i64),
             (rows.error_register, self.servo.errors.register().into()),
             (rows.mode_active, self.mode as i64),
@@ -424,7 +425,7 @@ impl Drive {
             (rows.feed_forward_velocity, ramp_velocity),
             (
                 rows.feed_forward_acceleration,
-                libm::round(self.acceleration / self.acceleration_of(1)) as i64,
+                nearest(self.acceleration / self.acceleration_of(1)),
             ),
             (rows.pulse_position, self.pulses.position as i64),
             (rows.pulse_velocity, self.pulses.frequency as i64),

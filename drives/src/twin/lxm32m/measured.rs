@@ -5,6 +5,7 @@
 use super::drive::Drive;
 use super::units::INCREMENTS_PER_REVOLUTION;
 use crate::dictionary::lxm32m_units::CURRENT;
+use crate::twin::rounding::nearest;
 use crate::twin::servo::firmware::ServoFirmware;
 use crate::twin::servo::motor::Motor;
 use crate::twin::servo::power_stage::{DcBus, PowerStage};
@@ -63,10 +64,14 @@ impl Means {
         let braking = (braked - self.braked) / dt;
         self.braked = braked;
         let share = |time: f64| 1.0 - libm::exp(-dt / time);
-        self.power += (power - self.power) * share(POWER_TIME);
-        self.resistor_power += (braking - self.resistor_power) * share(POWER_TIME);
-        let load = braking / RESISTOR_POWER;
-        self.resistor_overload += (load - self.resistor_overload) * share(RESISTOR_TIME);
+        let lately = share(POWER_TIME);
+        self.power += (power - self.power) * lately;
+        // Most resistors have nothing to do, and had nothing.
+        if braking != 0.0 || self.resistor_power != 0.0 || self.resistor_overload != 0.0 {
+            self.resistor_power += (braking - self.resistor_power) * lately;
+            let load = braking / RESISTOR_POWER;
+            self.resistor_overload += (load - self.resistor_overload) * share(RESISTOR_TIME);
+        }
     }
 }
 
@@ -236,6 +241,6 @@ impl Drive {
 
     /// A value in a row that counts it in `unit`, to the nearest.
     fn show(&mut self, row: Row, value: f64, unit: f64) {
-        self.objects.set(row, libm::round(value / unit) as i64);
+        self.objects.set(row, nearest(value / unit));
     }
 }

@@ -6,6 +6,7 @@
 use super::drive::Drive;
 use crate::twin::lxm32m::units::INCREMENTS_PER_REVOLUTION;
 use crate::twin::node::Firmware;
+use crate::twin::rounding::nearest;
 use syncline_canopen::cia402::State;
 use syncline_canopen::dictionary::Row;
 use syncline_canopen::sdo::AbortCode;
@@ -78,7 +79,7 @@ impl Drive {
                 let edge = edge.map(|edge| edge + (shaft - position));
                 let edge = edge.or(touched).unwrap_or(shaft);
                 let edge = edge * self.servo.loops.direction();
-                let increments = libm::round(edge * INCREMENTS_PER_REVOLUTION) as i64;
+                let increments = nearest(edge * INCREMENTS_PER_REVOLUTION);
                 let captured = self.user_position(increments - self.zero);
                 self.probe(input, level, captured);
                 self.capture(input, level, captured);

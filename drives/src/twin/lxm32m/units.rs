@@ -2,6 +2,7 @@
 //! scaling objects say (lxm32m 1602, 2244, 2263, 2274; the meaning of the last two assumed).
 
 use super::drive::Drive;
+use crate::twin::rounding::nearest;
 use crate::twin::servo::ramp::Limits;
 use syncline_canopen::dictionary::Row;
 
@@ -36,6 +37,10 @@ impl Drive {
         // Both are 32 bits wide; the product may not be within 64.
         let unit = numerator * INCREMENTS_PER_REVOLUTION as i64;
         match increments.checked_mul(denominator) {
+            // Most units are a power of two: the same without a division.
+            Some(product) if product < i64::MAX / 2 && unit.count_ones() == 1 => {
+                (product + unit / 2) >> unit.trailing_zeros()
+            }
             Some(product) if product < i64::MAX / 2 => (product + unit / 2).div_euclid(unit),
             _ => {
                 let product = i128::from(increments) * i128::from(denominator);
@@ -54,7 +59,7 @@ impl Drive {
     pub(super) fn user_velocity(&self, velocity: f64) -> i64 {
         let rows = &self.rows;
         let unit = self.scale(rows.velocity_numerator, rows.velocity_denominator) * RPM;
-        libm::round(velocity / unit) as i64
+        nearest(velocity / unit)
     }
 
     /// An acceleration in usr_a as increments/s².

@@ -5,6 +5,7 @@
 use super::drive::Drive;
 use super::fault::DriveError;
 use super::units::INCREMENTS_PER_REVOLUTION;
+use crate::twin::rounding::nearest;
 use crate::twin::servo::lasting::Lasting;
 use syncline_canopen::dictionary::Row;
 use syncline_canopen::time::Duration;
@@ -133,11 +134,11 @@ impl Drive {
         }
         if row == rows.deviation_window {
             let increments = value as f64 * POSITION_WINDOW * INCREMENTS_PER_REVOLUTION;
-            let window = self.user_position(libm::round(increments) as i64);
+            let window = self.user_position(nearest(increments));
             self.objects.set(rows.deviation_window_user, window);
         } else if row == rows.deviation_window_user {
             let revolutions = self.increments_of(value) / INCREMENTS_PER_REVOLUTION;
-            let window = libm::round(revolutions / POSITION_WINDOW) as i64;
+            let window = nearest(revolutions / POSITION_WINDOW);
             self.objects
                 .set(rows.deviation_window, window.clamp(0, u16::MAX.into()));
         }

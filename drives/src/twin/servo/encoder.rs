@@ -2,6 +2,7 @@
 
 use super::shaft::Shaft;
 use crate::twin::random::Random;
+use crate::twin::rounding::floor;
 use core::f64::consts::TAU;
 
 /// What makes an encoder's reading wrong, besides that it is a whole number of increments.
@@ -47,18 +48,21 @@ impl Encoder {
             periods,
             interpolation,
         } = self.errors;
-        let mut error = self.random.bell() * noise;
+        let mut error = match noise != 0.0 {
+            true => self.random.bell() * noise,
+            false => 0.0,
+        };
         let revolutions = shaft.position() + shaft.velocity() * ahead;
         if interpolation != 0.0 {
             let phase = revolutions * f64::from(periods);
-            error += interpolation * libm::sin(TAU * (phase - phase.floor()));
+            error += interpolation * libm::sin(TAU * (phase - floor(phase)));
         }
         let increments = revolutions * self.increments_per_revolution + error;
         if steps == 0 {
             return whole(increments);
         }
         let step = self.increments_per_revolution / f64::from(steps);
-        whole((increments / step).floor() * step)
+        whole(floor(increments / step) * step)
     }
 }
 
@@ -84,7 +88,7 @@ impl Scale {
     #[must_use]
     pub fn read(&self, shaft: &Shaft, ahead: f64, increments_per_revolution: f64) -> i64 {
         let load = shaft.load_motion();
-        let steps = ((load.position + load.velocity * ahead) / self.step).floor();
+        let steps = floor((load.position + load.velocity * ahead) / self.step);
         whole(steps * self.step * increments_per_revolution)
     }
 }

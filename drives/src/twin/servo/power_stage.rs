@@ -35,6 +35,7 @@
 use super::motor::Motor;
 use super::shaft::Shaft;
 use crate::twin::device::Supply;
+use crate::twin::rounding::floor;
 use core::f64::consts::TAU;
 
 /// How far an overload has to fall until the peak current is there again.
@@ -110,6 +111,8 @@ pub struct Overload {
     /// 1 is the limit.
     level: f64,
     is_over: bool,
+    /// A time that passed, s, and the share of the way that the level goes in it.
+    step: (f64, f64),
 }
 
 impl Overload {
@@ -121,13 +124,17 @@ impl Overload {
             time_constant,
             level: 0.0,
             is_over: false,
+            step: (0.0, 0.0),
         }
     }
 
     /// A current flows for a time that is short beside the time constant.
     pub fn heat(&mut self, current: f64, dt: f64) {
         let load = current / self.continuous;
-        self.level += (load * load - self.level) * (dt / (self.time_constant + dt));
+        if self.step.0 != dt {
+            self.step = (dt, dt / (self.time_constant + dt));
+        }
+        self.level += (load * load - self.level) * self.step.1;
         let end = if self.is_over { 1.0 - HYSTERESIS } else { 1.0 };
         self.is_over = self.level >= end;
     }
@@ -459,7 +466,7 @@ pub fn lasts(motor: &Motor, torque: f64) -> Option<f64> {
 /// A sine of the shaft's angle with so many periods in a revolution.
 fn wave(position: f64, periods: u32) -> f64 {
     let phase = position * f64::from(periods);
-    libm::sin(TAU * (phase - phase.floor()))
+    libm::sin(TAU * (phase - floor(phase)))
 }
 
 /// What makes torque of what the loops ask for.

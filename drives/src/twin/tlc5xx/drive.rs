@@ -9,6 +9,7 @@ use super::settings::{INCREMENTS_PER_REVOLUTION, RPM, Settings};
 use super::signals::{Captures, Inputs, Switches};
 use crate::twin::device::Disturbance;
 use crate::twin::node::Firmware;
+use crate::twin::rounding::nearest;
 use crate::twin::servo::cascade::{POSITION_STEP, Reference};
 use crate::twin::servo::firmware::{Servo, ServoFirmware};
 use crate::twin::servo::lasting::Lasting;
@@ -245,7 +246,7 @@ impl Drive {
 
     /// User position 0 is at `zero` increments from now on.
     pub(super) fn reference_at(&mut self, zero: f64) {
-        self.zero = libm::round(zero) as i64;
+        self.zero = nearest(zero);
         self.is_referenced = true;
     }
 
@@ -276,8 +277,8 @@ impl Drive {
         let settings = self.settings;
         let (position, _) = settings.user(encoder);
         let (user_reference, remainder) = settings.user(reference);
-        let rpm = |velocity: f64| libm::round(velocity / RPM) as i64;
-        let user_velocity = |velocity: f64| libm::round(velocity / settings.velocity) as i64;
+        let rpm = |velocity: f64| nearest(velocity / RPM);
+        let user_velocity = |velocity: f64| nearest(velocity / settings.velocity);
         let (target, target_velocity) = match self.motion {
             Motion::Position(target, limits) => {
                 let (target, _) = settings.user(target - self.zero as f64);
@@ -290,21 +291,21 @@ impl Drive {
         // Of the motor's nominal current (6410h:7).
         let nominal = self.objects.value(0x6410, 7).unwrap_or(0) as f64;
         let nominal = nominal / loops.cascade.gains().continuous_torque;
-        let current = |torque: f64| libm::round(torque * nominal) as i64;
+        let current = |torque: f64| nearest(torque * nominal);
         let (wanted, actual) = (
             loops.cascade.torque(),
             loops.mean_torque() * loops.direction(),
         );
         let within = encoder.rem_euclid(INCREMENTS_PER_REVOLUTION) as i64;
-        let error = libm::round(reference - encoder) as i64;
+        let error = nearest(reference - encoder);
         let shown = [
             (0x1001, self.servo.errors.register().into()),
-            (0x2013, libm::round(self.peak_error.max(0.0)) as i64),
+            (0x2013, nearest(self.peak_error.max(0.0))),
             (0x2041, self.drive_status().into()),
             (0x2042, self.movement as i64),
             (0x2048, i64::from(self.latched_signals & 0x0F)),
             (0x2062, self.internal_signals().into()),
-            (0x2071, libm::round(reference) as i64),
+            (0x2071, nearest(reference)),
             (0x2072, encoder as i64),
             (0x2073, error),
             (0x2074, rpm(self.ramp.velocity)),
@@ -312,7 +313,7 @@ impl Drive {
             (0x2076, current(wanted)),
             (0x2077, current(actual)),
             (0x2078, within),
-            (0x2083, libm::round(self.ramp.velocity) as i64),
+            (0x2083, nearest(self.ramp.velocity)),
             (0x2085, target),
             (0x2086, user_reference),
             (0x2089, position),
@@ -325,9 +326,9 @@ impl Drive {
             (0x6061, self.mode as i64),
             (0x6063, encoder as i64),
             (0x6064, position),
-            (0x6069, libm::round(self.actual_velocity()) as i64),
+            (0x6069, nearest(self.actual_velocity())),
             (0x606C, user_velocity(self.actual_velocity())),
-            (0x60F4, libm::round(error as f64 / settings.position) as i64),
+            (0x60F4, nearest(error as f64 / settings.position)),
             (0x60FD, self.input_image().into()),
         ];
         for (index, value) in shown {

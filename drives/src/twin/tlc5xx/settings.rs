@@ -1,6 +1,7 @@
 //! Parameters as the loops want them: increments, increments/s, increments/s².
 
 use super::policy::{Policies, PositionFactor};
+use crate::twin::rounding::nearest;
 use crate::twin::servo::ramp::Limits;
 use syncline_canopen::dictionary::Dictionary;
 
@@ -98,9 +99,6 @@ impl Settings {
     /// Whole user units of a position in increments, and the increments left over (208Ch).
     pub(super) fn user(&self, increments: f64) -> (i64, i64) {
         let units = (increments / self.position).floor();
-        (
-            units as i64,
-            libm::round(increments - units * self.position) as i64,
-        )
+        (units as i64, nearest(increments - units * self.position))
     }
 }

@@ -9,6 +9,7 @@ use super::signals::{LOWER_LIMIT, Switches, UPPER_LIMIT};
 use crate::twin::ErrorClass;
 use crate::twin::cia402::commanded;
 use crate::twin::node::{Firmware, Tampering};
+use crate::twin::rounding::nearest;
 use crate::twin::servo::cascade::{POSITION_STEP_NS, SPEED_STEPS};
 use crate::twin::servo::clock::Clock;
 use crate::twin::servo::ramp::{Limits, Ramp};
@@ -423,7 +424,7 @@ impl Drive {
     /// Brings the objects that show the controller's condition up to date.
     pub(super) fn publish(&mut self) {
         let (position, velocity) = self.actual();
-        let whole = |number: f64| libm::round(number) as i64;
+        let whole = |number: f64| nearest(number);
         for (index, sub, value) in [
             (0x1001, 0, self.error_register.into()),
             (0x1002, 0, self.manufacturer_status().into()),

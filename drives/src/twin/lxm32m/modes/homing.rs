@@ -5,6 +5,7 @@ use crate::twin::lxm32m::fault::DriveError;
 use crate::twin::lxm32m::motion::Motion;
 use crate::twin::lxm32m::switches::Switch;
 use crate::twin::lxm32m::units::INCREMENTS_PER_REVOLUTION;
+use crate::twin::rounding::nearest;
 use crate::twin::servo::firmware::ServoFirmware;
 use syncline_canopen::dictionary::Row;
 
@@ -206,7 +207,7 @@ impl Drive {
     /// Homing has succeeded: user position 0 is at `zero` increments.
     fn reference_at(&mut self, zero: f64) {
         self.homing = Homing::default();
-        self.zero = libm::round(zero) as i64;
+        self.zero = nearest(zero);
         self.ref_ok = true;
         self.bit_12 = true;
         self.target_reached = true;
