@@ -386,12 +386,15 @@ impl Args {
         let (told, bounds) = (session.subscribe(), session.operator("identify"));
         let mut log = Log::default();
         let mut excess = None;
+        let mut is_stopped = false;
         loop {
             let progress = session.advance();
             for event in told.events() {
                 match event {
                     Event::Machine(event) => {
-                        let is_told = self.verbose || matches!(event, MachineEvent::Fault(_));
+                        let is_fault = matches!(event, MachineEvent::Fault(_));
+                        is_stopped |= is_fault;
+                        let is_told = self.verbose || is_fault;
                         let text = is_told.then(|| event.describe(layout)).flatten();
                         text.iter().for_each(|text| eprintln!("{text}"));
                     }
@@ -401,7 +404,8 @@ impl Args {
             }
             for sample in samples.try_iter() {
                 let percent = sample.torque.map_or(0.0, |it| it.greatest / 10.0);
-                if percent > self.torque && excess.is_none() {
+                // What a stop takes is no reason for it.
+                if percent > self.torque && excess.is_none() && !is_stopped {
                     excess = Some(percent);
                     bounds.command(Command::Stop)?;
                 }

@@ -154,11 +154,30 @@ pub enum NotEstimated {
         /// How long, s.
         moves: f64,
     },
+    /// There is no torque in it.
+    #[error(
+        "the log's torque is 0 all along, which moves nothing: the drive tells none in 6077h, or the column is that of \
+         something else"
+    )]
+    Torqueless,
+    /// The torque goes against what it moves.
+    #[error(
+        "the inertia comes out below 0, at {inertia:.3e} kg·m²: the torque is counted against the axis's positive direction, \
+         or it is that of another axis"
+    )]
+    Backwards {
+        /// What comes out, kg·m².
+        inertia: f64,
+    },
     /// All of its motion is alike.
     #[error(
-        "inertia, friction and gravity cannot be told apart: the log needs motion in both directions, at several speeds"
+        "inertia, friction and gravity cannot be told apart in a motion of no more than {speed:.3} per second: the log needs \
+         motion in both directions, at several speeds, that takes torque to speed up"
     )]
-    Alike,
+    Alike {
+        /// The greatest speed of the setpoints, mm/s or °/s.
+        speed: f64,
+    },
 }
 
 /// What a log says of its axis.
@@ -177,6 +196,9 @@ pub fn estimate(samples: &[AxisSample], shaft: &Shaft) -> Result<Estimate, NotEs
     if moves < LEAST {
         return Err(NotEstimated::Rests { moves });
     }
+    if sampled.iter().all(|sample| sample.torque == 0.0) {
+        return Err(NotEstimated::Torqueless);
+    }
     let stiff = compared(WINDOWS, |window| undelayed(&stiff, shaft, window));
     let elastic = motion(ELASTIC_SETTLING);
     let elastic = compared(ELASTIC_WINDOWS, |window| swinging(&elastic, shaft, window));
@@ -188,8 +210,16 @@ pub fn estimate(samples: &[AxisSample], shaft: &Shaft) -> Result<Estimate, NotEs
         |elastic: &[Figure; 5]| stiff.is_none_or(|stiff| NARROWER * width(elastic) < width(&stiff));
     let found = elastic.filter(is_narrower).or(stiff);
     let Some([inertia, friction, viscous_friction, holding_torque, delay]) = found else {
-        return Err(NotEstimated::Alike);
+        let steps = sampled
+            .windows(2)
+            .map(|two| (two[1].set - two[0].set).abs());
+        let speed = steps.fold(0.0, f64::max) / shaft.radians.abs() / shaft.cycle;
+        return Err(NotEstimated::Alike { speed });
     };
+    if inertia.value < -inertia.uncertainty {
+        let inertia = inertia.value;
+        return Err(NotEstimated::Backwards { inertia });
+    }
     Ok(Estimate {
         inertia,
         friction,

@@ -201,7 +201,23 @@ fn a_log_that_says_nothing_is_refused() {
     );
     let one_way = estimate(&moved(truth, 0.0, 1, |way| way > 0.0), &SHAFT);
     // Friction and gravity are one then.
-    assert_eq!(one_way, Err(NotEstimated::Alike));
+    assert!(
+        matches!(one_way, Err(NotEstimated::Alike { speed }) if speed > 1.0),
+        "{one_way:?}"
+    );
+    let with_torque = |change: fn(f64) -> f64| {
+        let changed = samples.iter().map(|it| AxisSample {
+            torque: it.torque.map(|it| ToldTorque::alike(change(it.mean))),
+            ..*it
+        });
+        estimate(&changed.collect::<Vec<_>>(), &SHAFT)
+    };
+    let backwards = with_torque(|torque| -torque);
+    assert!(
+        matches!(backwards, Err(NotEstimated::Backwards { inertia }) if inertia < -0.9e-3),
+        "{backwards:?}"
+    );
+    assert_eq!(with_torque(|_| 0.0), Err(NotEstimated::Torqueless));
     let other_cycle = Shaft {
         cycle: 1.5e-3,
         ..SHAFT

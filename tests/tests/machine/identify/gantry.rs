@@ -1,10 +1,10 @@
 //! What `syncline identify` finds of gantries: two sides of one beam, with and without a carriage that stands anywhere along
 //! it, and two sides with loads of their own.
 
-use super::{Dice, Plant, WITHIN, number};
+use super::{Dice, Plant, WITHIN, number, told};
 use serde_json::Value;
 use std::fmt::Write as _;
-use syncline_tests::command::{Folder, ended, syncline};
+use syncline_tests::command::{Folder, ended, machine_with, syncline};
 
 /// What ties both sides together.
 #[derive(Clone, Debug)]
@@ -153,4 +153,19 @@ fn drawn_gantries_are_found_and_written() {
 #[ignore = "long: 60 gantries"]
 fn sixty_drawn_gantries_are_found_and_written() {
     hold_against_truth(60, &mut Dice(2027));
+}
+
+/// A carriage far off the beam racks it beyond `skew_limit`; the stop takes more torque than was allowed.
+#[test]
+fn what_is_told_is_the_fault_and_not_the_torque_of_its_stop() {
+    let folder = Folder::new();
+    let far = "skew_limit = 0.5\nsimulation = { motor = \"generic-6\", mechanics = \"rigid_beam\", mass = 80.0, inertia = 15.0, \
+               span = 1500.0, racking_stiffness = 2e6, racking_damping = 300.0, carriage = \"Y\", \
+               carriage_mass = 35.0, carriage_middle = 10000.0 }";
+    let text = machine_with("portal", &[("skew_limit = 0.5", far)]);
+    let machine = folder.file("far.toml", &text);
+    let (code, errors) = told(&machine, &["--axis", "X"]);
+    assert_eq!(code, 1, "{errors}");
+    assert!(errors.contains("its two sides are"), "{errors}");
+    assert!(!errors.contains("beyond --torque"), "{errors}");
 }
