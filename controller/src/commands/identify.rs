@@ -403,7 +403,7 @@ impl Args {
                 }
             }
             for sample in samples.try_iter() {
-                let percent = sample.torque.map_or(0.0, |it| it.greatest / 10.0);
+                let percent = sample.torque.greatest / 10.0;
                 // What a stop takes is no reason for it.
                 if percent > self.torque && excess.is_none() && !is_stopped {
                     excess = Some(percent);

@@ -225,7 +225,7 @@ impl Script {
 
 /// Whether nothing goes on until an operator has it go on.
 fn rests(status: &Status) -> bool {
-    let stands = status.velocity.iter().all(|it| *it == 0.0);
+    let stands = status.stands();
     let settings = &status.settings;
     let held = settings.feed_override == 0.0 || settings.rapid_override == 0.0;
     match status.state {

@@ -628,19 +628,22 @@ impl AxisControl {
             by_itself: self.is_quick_stopped(nodes) || self.goes() || self.homes(nodes),
             ..AxisSample::default()
         };
+        let sides = self.spec.drives.len();
         if worst.by_itself {
-            let told = nodes[self.telling(0)].actual_mm();
+            let told_by = |side| nodes[self.telling(side)].actual_mm();
+            let told = told_by(0);
             worst.act = self.uncorrected(told);
-            (worst.set, worst.middle) = (worst.act, worst.act);
+            worst.set = worst.act;
+            let places = (0..sides).map(|side| self.uncorrected(told_by(side)));
+            worst.middle = places.sum::<f64>() / sides as f64;
             worst.correction = told - worst.act;
             worst.of_side = [told; 2];
             return worst;
         }
-        let sides = self.spec.drives.len() as f64;
         for (side, &drive) in self.spec.drives.iter().enumerate() {
             let act = self.actual(cycle, side, nodes);
             let seen = self.goes_on(cycle, side, nodes).unwrap_or(act);
-            worst.middle += seen / sides;
+            worst.middle += seen / sides as f64;
             let due = self.sent_to(cycle, side, nodes);
             let following_error = due.position - act;
             let latched = self.history.latched(cycle, nodes[drive].delay());

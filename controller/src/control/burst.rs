@@ -33,10 +33,11 @@ impl<const N: usize> Controller<N> {
         }
         self.set_outputs();
         self.nodes.iter_mut().for_each(DeviceNode::encode);
-        for (burst, outbox) in self.bursts.iter().zip(out) {
+        for ((burst, outbox), misses) in self.bursts.iter().zip(out).zip(&mut self.misses) {
             for &(drive, r_pdo) in burst {
                 outbox.burst.transmit(self.nodes[drive].r_pdos()[r_pdo]);
             }
+            misses.keep(outbox.burst.as_slice(), self.setpoints_change);
         }
     }
 

@@ -118,7 +118,7 @@ use setpoint_misses::SetpointMisses;
 use spindle::SpindleWatch;
 use std::collections::VecDeque;
 use std::hint::black_box;
-use std::mem::{replace, take};
+use std::mem::replace;
 use std::sync::Arc;
 use syncline_canopen::response_time::{bit_time, worst_case_bits};
 use syncline_canopen::time::Duration;
@@ -364,6 +364,7 @@ impl<const N: usize> Controller<N> {
         {
             executor.settle(spread);
         }
+        let bursts: Vec<_> = layout.buses.iter().map(|bus| layout.burst(bus)).collect();
         Self {
             nodes: (0..layout.devices.len())
                 .map(|drive| DeviceNode::new(drive, &layout))
@@ -381,8 +382,10 @@ impl<const N: usize> Controller<N> {
             syncs: 0,
             sync_sent: None,
             heartbeat_due: start,
-            misses: (0..layout.buses.len()).map(SetpointMisses::new).collect(),
-            bursts: layout.buses.iter().map(|bus| layout.burst(bus)).collect(),
+            misses: (bursts.iter().enumerate())
+                .map(|(bus, burst)| SetpointMisses::new(bus, burst.len()))
+                .collect(),
+            bursts,
             lost: vec![false; layout.buses.len()],
             turn: vec![0; layout.buses.len()],
             phase: Phase::Survey,
@@ -545,13 +548,7 @@ impl<const N: usize> Controller<N> {
         let due = self.sync_at + self.layout.setpoint_offset;
         self.row = None;
         for bus in 0..self.misses.len() {
-            // What has not left by now has missed this cycle's SYNC.
-            let SetpointMisses {
-                unsent, answered, ..
-            } = &mut self.misses[bus];
-            let (is_late, answered) = (take(unsent) > 0, take(answered));
-            // An answer by SDO may have been in the way, of setpoints that are as those before.
-            if is_late && (self.setpoints_change || !answered) {
+            if self.misses[bus].has_missed() {
                 self.miss(bus, self.cycle);
             }
         }
@@ -624,7 +621,8 @@ impl<const N: usize> Controller<N> {
             return;
         }
         self.lost[bus] = false;
-        self.misses[bus].answered |= node.is_answer(frame);
+        let is_before_sync = self.sync_sent.is_none_or(|sync| *at <= sync);
+        self.misses[bus].answered |= is_before_sync && node.is_answer(frame);
         let mut events = event_sink(&mut self.events);
         let outcome = node.receive(*at, frame, self.sync_sent, &mut events);
         drop(events);
@@ -645,7 +643,10 @@ impl<const N: usize> Controller<N> {
         match burst {
             Burst::Queued if echoes => self.misses[bus].unsent = frames as u32,
             Burst::Queued => {}
-            Burst::Dropped => self.miss(bus, self.cycle),
+            Burst::Dropped => {
+                self.misses[bus].forget_burst();
+                self.miss(bus, self.cycle);
+            }
             Burst::Torn { .. } => self.fail(Fault::Bus(bus, BusCause::TornBurst)),
         }
     }

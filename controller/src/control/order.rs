@@ -392,7 +392,7 @@ fn why_no_jog(error: JogError) -> String {
         JogError::Moving => "the machine moves: feed hold first".to_owned(),
         JogError::NoAxis(axis) => format!("the machine has no axis {}", letter(axis)),
         JogError::OutsideTravel { axis, to, min, max } => format!(
-            "{} would go to {to:.3}, its soft limits are {min} to {max} (machine coordinates)",
+            "{} would go to {to:.4}, and may go from {min:.4} to {max:.4} (machine coordinates)",
             letter(axis)
         ),
         JogError::NotANumber => "there is a number that is none".to_owned(),

@@ -1,7 +1,12 @@
 //! Bursts that missed their SYNC, by bus: what is counted and what is a fault.
+//!
+//! While axes stand, drives may be asked by SDO beside SYNC, and on a full bus an answer may be in the way of a burst. That is
+//! no miss if the drives have it already: if each of its frames is, byte for byte, the one of the burst before.
 
 use super::fault::{BusCause, BusIndex, Fault};
 use std::collections::VecDeque;
+use std::mem::take;
+use syncline_canopen::Frame;
 
 /// Bursts missed within [`WINDOW`] cycles that are a fault.
 const MISSES: usize = 3;
@@ -18,18 +23,25 @@ pub(super) struct SetpointMisses {
     last: VecDeque<u64>,
     /// Frames of the last burst whose echo is still to come.
     pub(super) unsent: u32,
-    /// An answer to an SDO request has come since then.
+    /// An answer to an SDO request has come between the last burst's wake-up and SYNC.
     pub(super) answered: bool,
+    /// The last burst, if no axis moved.
+    last_burst: Vec<Frame>,
+    /// It was as the one before.
+    repeats: bool,
 }
 
 impl SetpointMisses {
-    pub(super) fn new(bus: BusIndex) -> Self {
+    /// Of a bus with so many R_PDOs.
+    pub(super) fn new(bus: BusIndex, r_pdos: usize) -> Self {
         Self {
             bus,
             count: 0,
             last: VecDeque::with_capacity(MISSES),
             unsent: 0,
             answered: false,
+            last_burst: Vec::with_capacity(r_pdos),
+            repeats: false,
         }
     }
 
@@ -37,6 +49,29 @@ impl SetpointMisses {
     pub(super) fn forgive(&mut self) {
         self.last.clear();
         self.unsent = 0;
+    }
+
+    /// Keeps a burst, for whether the next one is another.
+    pub(super) fn keep(&mut self, burst: &[Frame], is_moving: bool) {
+        self.repeats = !is_moving && self.last_burst == burst;
+        if !self.repeats {
+            self.forget_burst();
+            if !is_moving {
+                self.last_burst.extend_from_slice(burst);
+            }
+        }
+    }
+
+    /// The last burst has not left.
+    pub(super) fn forget_burst(&mut self) {
+        self.last_burst.clear();
+    }
+
+    /// Whether the last burst missed its SYNC: it has not left by now, and it was not an answer in the way of what the drives
+    /// have already.
+    pub(super) fn has_missed(&mut self) -> bool {
+        let (unsent, answered) = (take(&mut self.unsent), take(&mut self.answered));
+        unsent > 0 && !(answered && self.repeats)
     }
 
     /// Counts a miss in `cycle`: one is tolerated; two in a row, or three in 1,000 cycles, are
@@ -60,9 +95,10 @@ impl SetpointMisses {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use syncline_canopen::{CobId, NodeId};
 
     fn faults(cycles: &[u64]) -> bool {
-        let mut misses = SetpointMisses::new(0);
+        let mut misses = SetpointMisses::new(0, 0);
         let mut outcomes = cycles.iter().map(|&cycle| misses.miss(cycle));
         outcomes.any(|outcome| outcome.is_err())
     }
@@ -76,5 +112,30 @@ mod tests {
         assert!(!faults(&[10, 12, 1010]));
         assert!(!faults(&[10, 600, 1100, 1700]));
         assert!(faults(&[10, 600, 1100, 1500]));
+    }
+
+    /// Bursts of a bus in motion or at rest, in one of which a byte changes, each with an answer in its way or without.
+    #[test]
+    fn an_answer_is_in_the_way_of_no_burst_that_is_another() {
+        let frame = |byte| Frame::new(CobId::r_pdo(1, NodeId::new(1).unwrap()), &[byte]);
+        let mut misses = SetpointMisses::new(0, 2);
+        let mut missed = |bytes: [u8; 2], is_moving, answered, unsent| {
+            misses.keep(&bytes.map(frame), is_moving);
+            (misses.unsent, misses.answered) = (unsent, answered);
+            misses.has_missed()
+        };
+        assert!(missed([1, 2], false, true, 1), "the first is another");
+        assert!(!missed([1, 2], false, true, 1));
+        assert!(!missed([1, 2], false, false, 0));
+        assert!(missed([1, 2], false, false, 1));
+        assert!(missed([1, 3], false, true, 2), "an output of it changes");
+        assert!(!missed([1, 3], false, true, 2));
+        assert!(missed([1, 3], true, true, 1), "in motion");
+        assert!(missed([1, 3], false, true, 1), "the first at rest");
+        assert!(!missed([1, 3], false, true, 1));
+        misses.forget_burst();
+        misses.keep(&[1, 3].map(frame), false);
+        (misses.unsent, misses.answered) = (1, true);
+        assert!(misses.has_missed(), "the one before was dropped");
     }
 }

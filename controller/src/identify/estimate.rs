@@ -454,7 +454,7 @@ fn sampled(samples: &[AxisSample], shaft: &Shaft) -> Result<Vec<Sample>, NotEsti
     let mut motion: Vec<Sample> = Vec::with_capacity(samples.len());
     let mut last: Option<f64> = None;
     for sample in samples {
-        let Some(torque) = sample.torque else {
+        let Some(torque) = sample.torque.mean else {
             continue;
         };
         let steps = last.map_or(1.0, |last| (sample.time - last) / cycle);
@@ -467,7 +467,7 @@ fn sampled(samples: &[AxisSample], shaft: &Shaft) -> Result<Vec<Sample>, NotEsti
         let next = Sample {
             angle: sample.act * radians,
             set: sample.set * radians,
-            torque: torque.mean * 1e-3 * shaft.rated_torque,
+            torque: torque * 1e-3 * shaft.rated_torque,
             direction: 0.0,
         };
         let before = motion.last().copied().unwrap_or(next);

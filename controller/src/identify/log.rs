@@ -49,7 +49,7 @@ impl Log {
         for sample in &self.samples {
             let AxisSample { time, set, act, .. } = sample;
             let value = match beside {
-                Beside::Torque => sample.torque.map(|it| it.mean),
+                Beside::Torque => sample.torque.mean,
                 Beside::Velocity => sample.velocity,
             };
             if let Some(value) = value {
@@ -76,7 +76,10 @@ impl Log {
             time: time[row],
             set: set[row],
             act: act[row],
-            torque: (beside == Beside::Torque).then(|| ToldTorque::alike(value[row])),
+            torque: match beside {
+                Beside::Torque => ToldTorque::alike(value[row]),
+                Beside::Velocity => ToldTorque::default(),
+            },
             velocity: (beside == Beside::Velocity).then_some(value[row]),
         });
         Ok(Self {

@@ -58,13 +58,9 @@ pub struct Moved {
     motor: Option<Known>,
     /// The unit in which it says how stiff the transmission is, N/m or N·m/rad, if it names one.
     stiffness: Option<f64>,
-    /// What another axis moves along the beam that ties its two sides together, if one does.
-    beam: Option<Carried>,
+    /// Of two sides that a beam ties together: what another axis moves along that, kg, 0 if none does.
+    carried: Option<f64>,
 }
-
-/// Mass of what another axis moves along a beam, kg.
-#[derive(Clone, Copy, Debug)]
-struct Carried(f64);
 
 /// What is known of a motor.
 #[derive(Clone, Copy, Debug)]
@@ -90,7 +86,13 @@ pub enum Unfit {
         /// Those that there are.
         has: Vec<&'static str>,
     },
-    /// It is a gantry whose loops the controller closes.
+    /// It is a gantry of two models.
+    #[error(
+        "axis {0} is a gantry of two models of drives, which tell position and torque at different instants: only two of one \
+         model can be identified together"
+    )]
+    Unlike(&'static str),
+    /// It is a gantry one of whose drives is sent velocities.
     #[error(
         "axis {0} is a gantry whose drives are sent velocities: of such drives only those that move an axis alone can be \
          identified"
@@ -153,6 +155,11 @@ impl Subject {
         match &machine.axes[index].drives[..] {
             [drive] if follows_velocities(drive) => Ok(Self::Streamed(Streamed { axis: index })),
             sides if sides.iter().any(follows_velocities) => Err(Unfit::Gantry(name)),
+            [one, other]
+                if machine.drives[*one].model.name != machine.drives[*other].model.name =>
+            {
+                Err(Unfit::Unlike(name))
+            }
             _ => {
                 let moved = Moved::of(machine, index, rated_torque)?;
                 Ok(Self::Moved(Box::new(moved)))
@@ -214,9 +221,9 @@ impl Moved {
             stiffness: moved
                 .and_then(|moved| moved.stiffness(axis.letter.is_linear()))
                 .map(|it| it.unit),
-            beam: (axis.simulation.as_ref())
+            carried: (axis.simulation.as_ref())
                 .and_then(|it| it.gantry.as_ref())
-                .map(|it| Carried(it.carriage.as_ref().map_or(0.0, |it| it.mass))),
+                .map(|it| it.carriage.as_ref().map_or(0.0, |it| it.mass)),
         })
     }
 
@@ -236,9 +243,9 @@ impl Moved {
         let mut keys = Vec::new();
         let mut add = |key, figure: Figure| keys.push(Key { key, figure });
         // A beam, with what it carries, is moved by both motors, and each feels half of it.
-        let (key, motors, carried) = match self.beam {
+        let (key, motors, carried) = match self.carried {
             None => ("load", 1.0, 0.0),
-            Some(Carried(mass)) => ("mass", 2.0, mass),
+            Some(carried) => ("mass", 2.0, carried),
         };
         let mut load = behind(estimate.inertia, motor.inertia, travel * travel / motors);
         load.value -= carried;
@@ -322,7 +329,7 @@ pub struct Identified {
     pub feed_forward: Option<FeedForward>,
     /// Gains that suit it; none where the machine file names no motor, or where none keep it from swinging.
     pub gains: Option<Tuned>,
-    /// Its drive, or both of a gantry; of two models those of the first.
+    /// Its drive, or both of a gantry.
     #[serde(skip)]
     drives: Vec<String>,
     #[serde(skip)]
@@ -352,8 +359,8 @@ impl Identified {
     ) -> Self {
         let axis = &machine.axes[subject.axis];
         let drive = &machine.drives[axis.drives[0]];
-        let drives = axis.drives.iter().map(|&drive| &machine.drives[drive]);
-        let alike = drives.filter(|it| it.model.name == drive.model.name);
+        let drives = axis.drives.iter();
+        let names = drives.map(|&drive| machine.drives[drive].name.clone());
         let device = machine.device(axis.drives[0]);
         let known = subject.motor.zip(device.drive());
         let gains = known
@@ -363,7 +370,7 @@ impl Identified {
             feed_forward: (drive.model.abilities.contains(&Ability::TorqueOffset))
                 .then(|| feed_forward(subject, axis, &estimate)),
             gains,
-            drives: alike.map(|it| it.name.clone()).collect(),
+            drives: names.collect(),
             rated_torque: subject.shaft.rated_torque,
             response: response(samples, &subject.shaft, &estimate),
             simulation: subject

@@ -147,12 +147,12 @@ fn without_gaps(samples: &[AxisSample], shaft: &Shaft) -> Vec<[Vec<f64>; 2]> {
     let mut parts: Vec<[Vec<f64>; 2]> = Vec::new();
     let mut before: Option<(f64, [f64; 2])> = None;
     for sample in samples {
-        let Some(torque) = sample.torque else {
+        let Some(torque) = sample.torque.mean else {
             continue;
         };
         let now = [
             sample.act * shaft.radians,
-            torque.mean * 1e-3 * shaft.rated_torque,
+            torque * 1e-3 * shaft.rated_torque,
         ];
         let gap = before.map(|(time, last)| (((sample.time - time) / shaft.cycle).round(), last));
         match (gap, parts.last_mut()) {

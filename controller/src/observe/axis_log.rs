@@ -16,8 +16,8 @@ pub struct AxisSample {
     pub set: f64,
     /// Actual position, mm or degrees; of a gantry the mean of its sides.
     pub act: f64,
-    /// Actual torque; `None` where it is not known.
-    pub torque: Option<ToldTorque>,
+    /// Actual torque.
+    pub torque: ToldTorque,
     /// What its drive was sent for this SYNC, mm/s or °/s, if that is sent velocities; `None` where that or `act` is not known.
     pub velocity: Option<f64>,
 }

@@ -46,6 +46,12 @@ fn card(report: &Report, lines: &[&str], place: &WorstPlace) -> String {
     )
 }
 
+/// Pixels for each mm, so that the picture holds what goes from here to there across and up.
+fn pixels(x: (f64, f64), y: (f64, f64)) -> f64 {
+    ((WIDTH - 2.0 * MARGIN) / (x.1 - x.0).max(1e-3))
+        .min((HEIGHT - 2.0 * MARGIN) / (y.1 - y.0).max(1e-3))
+}
+
 /// The path about an instant, seen along the axis in which it goes least far.
 fn picture(report: &Report, time: f64) -> Option<String> {
     let from = report.time.partition_point(|it| *it < time - AROUND);
@@ -77,8 +83,6 @@ fn picture(report: &Report, time: f64) -> Option<String> {
         extent(points.iter().map(|it| it[across]))?,
         extent(points.iter().map(|it| it[up]))?,
     );
-    let pixels = ((WIDTH - 2.0 * MARGIN) / (x.1 - x.0).max(1e-3))
-        .min((HEIGHT - 2.0 * MARGIN) / (y.1 - y.0).max(1e-3));
     let most = rows.iter().map(|&n| {
         let off = report.off_path[n];
         off[across].hypot(off[up])
@@ -89,7 +93,16 @@ fn picture(report: &Report, time: f64) -> Option<String> {
     if stands && most < 1e-9 {
         return None;
     }
-    let times = round_down(MAGNIFIED * HEIGHT / (most.max(1e-9) * pixels));
+    let times = round_down(MAGNIFIED * HEIGHT / (most.max(1e-9) * pixels(x, y)));
+    // The picture has room for what is magnified, too.
+    let besides: Vec<[f64; 2]> = (rows.iter().zip(&points))
+        .map(|(&n, point)| [across, up].map(|axis| point[axis] + times * report.off_path[n][axis]))
+        .collect();
+    let (x, y) = (
+        extent(besides.iter().map(|it| it[0]).chain([x.0, x.1]))?,
+        extent(besides.iter().map(|it| it[1]).chain([y.0, y.1]))?,
+    );
+    let pixels = pixels(x, y);
     let at = |point: [f64; 2]| -> Point {
         (
             WIDTH / 2.0 + (point[0] - 0.5 * (x.0 + x.1)) * pixels,
@@ -98,13 +111,9 @@ fn picture(report: &Report, time: f64) -> Option<String> {
     };
     let (mut path, mut tool, mut here) = (String::new(), String::new(), None);
     let mut nearest = f64::INFINITY;
-    for (&n, point) in rows.iter().zip(&points) {
-        let off = report.off_path[n];
+    for ((&n, point), beside) in rows.iter().zip(&points).zip(besides) {
         let on = at([point[across], point[up]]);
-        let beside = at([
-            point[across] + times * off[across],
-            point[up] + times * off[up],
-        ]);
+        let beside = at(beside);
         let pen = if path.is_empty() { 'M' } else { 'L' };
         _ = write!(path, "{pen}{:.1} {:.1}", on.0, on.1);
         _ = write!(tool, "{pen}{:.1} {:.1}", beside.0, beside.1);
@@ -129,4 +138,53 @@ fn picture(report: &Report, time: f64) -> Option<String> {
         names[up],
         number(times)
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::AxisReport;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Path, tool and error are within the picture, however large the errors are beside the path, and to whichever side.
+        #[test]
+        fn what_is_magnified_is_within_the_picture(
+            places in prop::collection::vec(([-50.0..50.0_f64, -50.0..50.0, -50.0..50.0], [-1.0..1.0_f64, -1.0..1.0, -1.0..1.0]), 2..40),
+            flat in 0..4_usize,
+            decade in -6.0..1.0_f64,
+        ) {
+            let error = 10f64.powf(decade);
+            let mut report = Report {
+                axes: ["X", "Y", "Z"].map(|name| AxisReport { name: name.into(), ..AxisReport::default() }).into(),
+                ..Report::default()
+            };
+            for (n, (mut place, off)) in places.iter().copied().enumerate() {
+                // A line along an axis.
+                if flat < 3 {
+                    for at in (0..3).filter(|at| *at != flat) {
+                        place[at] = 1.0;
+                    }
+                }
+                for (at, axis) in report.axes.iter_mut().enumerate() {
+                    axis.tool.push(place[at] + error * off[at]);
+                }
+                report.off_path.push(off.map(|it| error * it));
+                report.time.push(0.002 * n as f64);
+            }
+            let picture = picture(&report, 0.03).unwrap();
+            let drawn = picture.split("d='").skip(1).filter_map(|it| it.split_once('\''));
+            let mut points = 0;
+            for (path, _) in drawn {
+                for point in path.split(['M', 'L']).skip(1) {
+                    let (x, y) = point.split_once(' ').unwrap();
+                    let (x, y): (f64, f64) = (x.parse().unwrap(), y.parse().unwrap());
+                    prop_assert!((MARGIN - 0.1..=WIDTH - MARGIN + 0.1).contains(&x), "{x}: {picture}");
+                    prop_assert!((MARGIN - 0.1..=HEIGHT - MARGIN + 0.1).contains(&y), "{y}: {picture}");
+                    points += 1;
+                }
+            }
+            prop_assert_eq!(points, 2 * places.len() + 2);
+        }
+    }
 }

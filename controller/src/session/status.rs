@@ -161,6 +161,12 @@ impl Status {
         self.coordinates().to_program(Point(self.actual)).0
     }
 
+    /// Whether no axis moves.
+    #[must_use]
+    pub fn stands(&self) -> bool {
+        self.velocity.iter().all(|velocity| *velocity == 0.0)
+    }
+
     /// How work coordinates lie in the machine.
     pub(super) fn coordinates(&self) -> WorkCoordinates {
         WorkCoordinates {

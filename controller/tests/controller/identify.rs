@@ -82,13 +82,13 @@ proptest! {
             time: at as f64 * 0.002,
             set,
             act,
-            torque: Some(ToldTorque::alike(torque.into())),
+            torque: ToldTorque::alike(torque.into()),
             velocity: None,
         });
         let log = Log { samples: samples.collect() };
         let sent = |it: &AxisSample| AxisSample {
-            velocity: it.torque.map(|it| it.mean / 7.0),
-            torque: None,
+            velocity: it.torque.mean.map(|it| it / 7.0),
+            torque: ToldTorque::default(),
             ..*it
         };
         let sent = Log { samples: log.samples.iter().map(sent).collect() };
@@ -180,9 +180,7 @@ fn moved(
                 time,
                 set: act,
                 act: counted,
-                torque: Some(ToldTorque::alike(
-                    (torque / SHAFT.rated_torque * 1e3).round(),
-                )),
+                torque: ToldTorque::alike((torque / SHAFT.rated_torque * 1e3).round()),
                 velocity: None,
             });
         }
@@ -207,7 +205,7 @@ fn a_log_that_says_nothing_is_refused() {
     );
     let with_torque = |change: fn(f64) -> f64| {
         let changed = samples.iter().map(|it| AxisSample {
-            torque: it.torque.map(|it| ToldTorque::alike(change(it.mean))),
+            torque: ToldTorque::alike(change(it.torque.mean.unwrap())),
             ..*it
         });
         estimate(&changed.collect::<Vec<_>>(), &SHAFT)
@@ -365,9 +363,7 @@ fn answering(
             time,
             set: act,
             act: (act / SHAFT.resolution).round() * SHAFT.resolution,
-            torque: Some(ToldTorque::alike(
-                (torque / SHAFT.rated_torque * 1e3).round(),
-            )),
+            torque: ToldTorque::alike((torque / SHAFT.rated_torque * 1e3).round()),
             velocity: None,
         }
     };

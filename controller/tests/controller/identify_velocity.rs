@@ -1,8 +1,8 @@
 //! What is found of axes that follow velocities, drawn, and moved by other means than the estimator's own.
 
 use proptest::prelude::*;
-use syncline_controller::identify::AxisSample;
 use syncline_controller::identify::lag::{Following, following};
+use syncline_controller::identify::{AxisSample, ToldTorque};
 
 /// An axis and what it is sent.
 #[derive(Clone, Debug)]
@@ -81,7 +81,7 @@ impl Axis {
                 time,
                 set: 0.0,
                 act: (place / self.resolution).round() * self.resolution,
-                torque: None,
+                torque: ToldTorque::default(),
                 velocity: (!is_missing).then(|| self.sent(time)),
             });
             for part in 0..STEPS {
@@ -134,7 +134,7 @@ fn an_axis_that_rests_tells_nothing() {
         time: f64::from(at) * 2e-3,
         set: 0.0,
         act: 0.0,
-        torque: None,
+        torque: ToldTorque::default(),
         velocity: Some(0.0),
     };
     let samples: Vec<_> = (0..20_000).map(rests).collect();

@@ -391,7 +391,7 @@ fn lines_of_text_are_a_day_too() {
     let machine = folder.machine("portal");
     let part = folder.file("part.ngc", "G1 X30 F12000\nM0 (look)\nX0\nM3 S100\nM2\n");
     let lines = format!(
-        "?\njog X+10\nset_offset X0 Y0\nbogus\nload /\nmdi G0 X5; X\nmdi G0 X5\nwait\nfeed_override 80\nstatus\nload {}\nrun\nwait\n\
+        "?\njog X+10\nset_offset X0 Y0\nbogus\nstatus 1\nload /\nmdi G0 X5; X\nmdi G0 X5\nwait\nfeed_override 80\nstatus\nload {}\nrun\nwait\n\
          disable\nwait\nrun\nenable\n",
         part.display()
     );
@@ -399,6 +399,7 @@ fn lines_of_text_are_a_day_too() {
     for part in [
         "  single_block       the path rests behind each block: `on` or `off`",
         "unknown event `bogus`",
+        "`status` takes no value",
         "switch_off, ?, status, faults, wait",
         "is a directory",
         "ready: work X",
@@ -504,6 +505,31 @@ fn a_stop_where_a_program_is_held_tells_no_running() {
     drop(input);
     until("off: ");
     assert!(console.wait().unwrap().success());
+}
+
+/// In mid-program axes are jogged while it is held: what waits for rest waits for them, too, and a jog adds to the one before.
+#[test]
+fn what_waits_where_a_program_is_held_waits_for_jogs() {
+    let folder = Folder::new();
+    let part = folder.file("part.ngc", "G91 G1 X1 F3000\nM0\nG1 X1\nM2\n");
+    let lines = format!(
+        "load {}\nrun\nwait\njog Z-20\njog Z-20\nwait\nstatus\nmove_to Z-30\nwait\nstatus\nresume\n",
+        part.display()
+    );
+    let told = console_by_lines(&folder.machine("portal"), &lines);
+    let held = told.lines().filter(|line| line.starts_with("held: "));
+    let places: Vec<f64> = held
+        .filter_map(|line| line.split_once("machine ")?.1.split(&[' ', ','][..]).nth(2))
+        .map(|z| z[1..].parse().unwrap())
+        .collect();
+    // At M0, behind both jogs, and behind the move; encoders have their noise.
+    assert_eq!(places.len(), 3, "{told}");
+    for (place, wanted) in places.iter().zip([0.0, -40.0, -30.0]) {
+        assert!(
+            (place - wanted).abs() < 0.02,
+            "{place}, not {wanted}: {told}"
+        );
+    }
 }
 
 /// A console by lines, in real time, and where it reads them.

@@ -556,7 +556,7 @@ fn a_dropped_burst_is_counted_and_does_not_shift_the_plan() {
     }
 }
 
-/// At rest setpoints are as those before. What was in the way of an answer by SDO is no miss then (the campaign's
+/// At rest setpoints are as those before. That an answer by SDO was in their way is no miss then (the campaign's
 /// `answer-beside-a-homing-at-rest`); all else is.
 #[test]
 fn a_burst_that_is_late_or_dropped_at_rest_is_counted() {

@@ -515,6 +515,8 @@ pub(super) fn told(machine: &Path, options: &[&str]) -> (i32, String) {
     (code, errors.to_owned())
 }
 
+const IS_SENT_VELOCITIES: &str = "axis Y is a gantry whose drives are sent velocities";
+
 #[test]
 fn what_cannot_be_identified_is_refused_by_name() {
     let folder = Folder::new();
@@ -523,18 +525,26 @@ fn what_cannot_be_identified_is_refused_by_name() {
     let nameless = plant.machine(false);
     let nameless = nameless.split("[axis.simulation]").next().unwrap();
     let nameless = folder.file("nameless.toml", nameless);
-    let pair = plant.machine(false);
-    let (other, model) = (
-        "[[drive]]\nname = \"Y2\"",
-        format!("model = \"{}\"", plant.model),
-    );
-    let second = "\nbus = \"main\"\nnode = 2\nmodel = \"cia402_csv\"\nzero = 0\n\n[[axis]]";
-    let pair = pair
-        .replace(&model, "model = \"cia402_csv\"")
-        .replace("[[axis]]", &format!("{other}{second}"))
-        .replace("[\"Y1\"]", "[\"Y1\", \"Y2\"]\nskew_limit = 1.0")
-        .replace("drive_following_error = true\n", "");
-    let pair = folder.file("pair.toml", &pair);
+    let pair = |models: [&str; 2]| {
+        let second = format!(
+            "[[drive]]\nname = \"Y2\"\nbus = \"main\"\nnode = 2\nmodel = \"{}\"\nzero = 0\n\n[[axis]]",
+            models[1]
+        );
+        let text = plant
+            .machine(false)
+            .replace(plant.model, models[0])
+            .replace("[[axis]]", &second)
+            .replace("[\"Y1\"]", "[\"Y1\", \"Y2\"]\nskew_limit = 1.0")
+            .replace("drive_following_error = true\n", "");
+        folder.file(&format!("{}.toml", models.join("-")), &text)
+    };
+    let sent_velocities = [
+        ["cia402_csv", "cia402_csv"],
+        ["cia402_csp", "cia402_csv"],
+        ["cia402_csv", "cia402_csp"],
+    ]
+    .map(pair);
+    let unlike = pair(["lxm32m", "cia402_csp"]);
     let text = folder.file("text.csv", "t_s,Y_set_mm\n0,0\n");
     let text = text.to_str().unwrap();
     for (machine, options, says) in [
@@ -544,10 +554,13 @@ fn what_cannot_be_identified_is_refused_by_name() {
             &["--axis", "X"],
             "axis X: the rated torque of its motor is not known",
         ),
+        (&sent_velocities[0], &["--axis", "Y"], IS_SENT_VELOCITIES),
+        (&sent_velocities[1], &["--axis", "Y"], IS_SENT_VELOCITIES),
+        (&sent_velocities[2], &["--axis", "Y"], IS_SENT_VELOCITIES),
         (
-            &pair,
+            &unlike,
             &["--axis", "Y"],
-            "axis Y is a gantry whose drives are sent velocities",
+            "axis Y is a gantry of two models of drives",
         ),
         (
             &nameless,

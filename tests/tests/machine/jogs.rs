@@ -131,7 +131,7 @@ fn a_soft_limit_ends_a_long_jog_and_nothing_leads_beyond() {
     );
     assert!(
         errors.contains(
-            "not moved: Y would go to 1000.001, its soft limits are 0 to 1000 (machine coordinates)"
+            "not moved: Y would go to 1000.0010, and may go from 0.0000 to 1000.0000 (machine coordinates)"
         ),
         "{errors}"
     );

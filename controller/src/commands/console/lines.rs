@@ -15,7 +15,7 @@ use std::collections::VecDeque;
 use std::io::{self, BufRead, Read};
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use syncline_gcode::AxisLetter;
 
 /// Who the lines come from, in the log.
@@ -23,6 +23,8 @@ const NAME: &str = "lines";
 /// How often it is looked whether a line that waits may begin. A state that a command leads to is seen
 /// by then.
 const LOOK: Duration = Duration::from_millis(20);
+/// Behind an answer, until axes are seen to move that it sets in motion: some cycles.
+const SETTLES: Duration = Duration::from_millis(60);
 /// Lines that are read ahead.
 const LINES: usize = 64;
 /// The word that asks what stopped the machine, on the screen, too.
@@ -67,6 +69,7 @@ pub(super) fn listen(
         over: false,
         waiting: VecDeque::new(),
         unanswered: 0,
+        busy: Instant::now(),
         operator: session.operator(NAME),
         answers: session.subscribe(),
         view: session.view(),
@@ -127,6 +130,8 @@ struct Reader {
     waiting: VecDeque<String>,
     /// Commands that have neither taken effect nor been refused.
     unanswered: usize,
+    /// When an axis moved last, or a command had no answer.
+    busy: Instant,
     operator: Operator,
     answers: Subscription,
     view: StatusView,
@@ -201,14 +206,20 @@ impl Reader {
             self.unanswered = self.unanswered.saturating_sub(answered);
             return Ok(());
         }
-        let state = self.view.get().state;
-        let rests = matches!(
-            state,
-            State::Ready | State::Held | State::Faulted | State::Disabled
-        );
-        let jogs = state == State::Jogging
+        let status = self.view.get();
+        if self.unanswered > 0 || !status.stands() {
+            self.busy = Instant::now();
+        }
+        let rests = match status.state {
+            State::Ready | State::Faulted | State::Disabled => true,
+            // In mid-program axes are jogged in this state, too.
+            State::Held => self.busy.elapsed() >= SETTLES,
+            _ => false,
+        };
+        // A jog adds to the one that is under way.
+        let adds = matches!(status.state, State::Jogging | State::Held)
             && (self.waiting.front()).is_some_and(|line| line.starts_with("jog"));
-        if self.unanswered > 0 || !(rests || jogs) {
+        if self.unanswered > 0 || !(rests || adds) {
             return Ok(());
         }
         match self.waiting.pop_front() {
@@ -247,7 +258,11 @@ impl Reader {
 /// The command of a line.
 fn parsed(line: &str) -> Result<Command, String> {
     let (name, value) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
-    events::command(name, value.trim(), &ASKED.map(|(word, _)| word))
+    let asked = ASKED.map(|(word, _)| word);
+    if asked.contains(&name) {
+        return Err(format!("`{name}` takes no value"));
+    }
+    events::command(name, value.trim(), &asked)
 }
 
 /// Whether it begins something, and waits for what is under way.

@@ -18,8 +18,8 @@ pub struct AxisSample {
     pub apart: f64,
     /// Actual position in the plan's frame, mm; of a gantry the mean of its sides.
     pub middle: f64,
-    /// What the drives told of their torque at this SYNC; `None` where the T_PDOs of one carry none or did not come.
-    pub torque: Option<ToldTorque>,
+    /// What the drives told of their torque at this SYNC.
+    pub torque: ToldTorque,
     /// What the drive of an axis of one drive was sent as velocity for this SYNC, in whole units of its own, mm/s; `None` if it is
     /// sent positions, or if where the axis was at this SYNC is not known.
     pub velocity: Option<f64>,
@@ -34,9 +34,9 @@ pub struct AxisSample {
 /// motors' rated torque.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ToldTorque {
-    /// Of a gantry the mean of its sides.
-    pub mean: f64,
-    /// The greatest amount that a drive told.
+    /// Of a gantry the mean of its sides; `None` where the T_PDOs of a drive carry none or did not come.
+    pub mean: Option<f64>,
+    /// The greatest amount that a drive told, 0 if none did.
     pub greatest: f64,
 }
 
@@ -45,20 +45,41 @@ impl ToldTorque {
     #[must_use]
     pub fn alike(torque: f64) -> Self {
         Self {
-            mean: torque,
+            mean: Some(torque),
             greatest: torque.abs(),
         }
     }
 
-    /// What these drives told, if each of them told it.
-    pub(super) fn of(told: impl ExactSizeIterator<Item = Option<i16>>) -> Option<Self> {
+    /// What these drives told.
+    pub(super) fn of(told: impl ExactSizeIterator<Item = Option<i16>>) -> Self {
         let drives = told.len() as f64;
-        let mut all = Self::default();
+        let mut all = Self::alike(0.0);
         for torque in told {
-            let torque = f64::from(torque?);
-            all.mean += torque / drives;
-            all.greatest = all.greatest.max(torque.abs());
+            let torque = torque.map(f64::from);
+            let sum = all.mean.zip(torque);
+            all.mean = sum.map(|(mean, torque)| mean + torque / drives);
+            all.greatest = torque.map_or(0.0, f64::abs).max(all.greatest);
         }
-        Some(all)
+        all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What bounds a drive's torque does not wait for the other one's.
+    #[test]
+    fn a_side_that_is_silent_hides_no_torque_of_the_other() {
+        for (told, mean, greatest) in [
+            (&[Some(-300)][..], Some(-300.0), 300.0),
+            (&[None], None, 0.0),
+            (&[Some(-300), Some(101)], Some(-99.5), 300.0),
+            (&[Some(-300), None], None, 300.0),
+            (&[None, Some(i16::MIN)], None, 32768.0),
+        ] {
+            let all = ToldTorque::of(told.iter().copied());
+            assert_eq!(all, ToldTorque { mean, greatest }, "{told:?}");
+        }
     }
 }

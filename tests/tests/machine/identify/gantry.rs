@@ -23,18 +23,22 @@ struct Beam {
 #[derive(Clone, Debug)]
 struct Gantry {
     plant: Plant,
+    /// Of the second side: motors are mounted alike, or as mirror images.
+    direction: &'static str,
     beam: Option<Beam>,
 }
 
 impl Gantry {
     fn drawn(dice: &mut Dice) -> Self {
-        let stiff = |plant: &Plant| plant.swing.is_none();
+        let has_beam = dice.below(3) > 0;
+        // A beam is moved by stiff sides.
+        let fits = |plant: &Plant| plant.swing.is_none() || !has_beam;
         let mut plants = std::iter::repeat_with(|| Plant::drawn(dice));
-        let mut plant = plants.find(stiff).expect("every second one");
+        let mut plant = plants.find(fits).expect("every second one");
         // Three drives at 1 Mbit/s.
         plant.cycle_us = 2000;
         let moved = 2.0 * number(&plant.simulation, "load");
-        let beam = (dice.below(3) > 0).then(|| {
+        let beam = has_beam.then(|| {
             let span = dice.between([400.0, 3000.0]);
             let carried = moved * dice.between([0.1, 0.6]);
             let place = span * dice.between([-0.4, 0.4]);
@@ -46,7 +50,11 @@ impl Gantry {
                 carriage,
             }
         });
-        Self { plant, beam }
+        Self {
+            plant,
+            direction: ["positive", "negative"][dice.below(2)],
+            beam,
+        }
     }
 
     /// Keys of `[axis.simulation]` but the motor.
@@ -77,10 +85,10 @@ impl Gantry {
     }
 
     fn machine(&self) -> String {
-        let side = |name: &str, node: u8| {
+        let side = |name: &str, node: u8, direction: &str| {
             format!(
-                "[[drive]]\nname = \"{name}\"\nbus = \"main\"\nnode = {node}\nmodel = \"{}\"\ndirection = \"{}\"\nzero = 0\n\n",
-                self.plant.model, self.plant.direction
+                "[[drive]]\nname = \"{name}\"\nbus = \"main\"\nnode = {node}\nmodel = \"{}\"\ndirection = \"{direction}\"\nzero = 0\n\n",
+                self.plant.model
             )
         };
         let carriage = "[[axis]]\nname = \"X\"\ndrives = [\"X\"]\npitch = 20.0\ngear = 1.0\nmax_velocity = 200.0\n\
@@ -96,9 +104,9 @@ impl Gantry {
         );
         format!(
             "{bus}{}{}{}{carriage}[[axis]]\n{axis}{}",
-            side("Y1", 1),
-            side("Y2", 2),
-            side("X", 3),
+            side("Y1", 1, self.plant.direction),
+            side("Y2", 2, self.direction),
+            side("X", 3, "positive"),
             self.simulation()
         )
     }
@@ -119,29 +127,40 @@ fn identified(gantry: &Gantry, folder: &Folder) -> (Value, String) {
 /// Holds what was found of so many drawn gantries against what is true of them.
 fn hold_against_truth(count: usize, dice: &mut Dice) {
     let folder = Folder::new();
+    let mut told_surely = 0;
     for _ in 0..count {
         let gantry = Gantry::drawn(dice);
         let (found, written) = identified(&gantry, &folder);
-        for (at, [error, said]) in gantry.plant.errors(&found).into_iter().enumerate() {
-            assert!(
-                error <= WITHIN && error <= 2.0 * said.max(1e-3),
-                "figure {at} is off by {error}, said to be by {said}: {gantry:?}"
-            );
+        let errors = gantry.plant.errors(&found);
+        let off = errors
+            .iter()
+            .find(|[error, said]| *error > WITHIN && *said <= WITHIN);
+        assert!(off.is_none(), "{off:?}: {gantry:?}");
+        if errors.iter().any(|[_, said]| *said > WITHIN) {
+            continue;
         }
+        told_surely += 1;
         let load = match gantry.beam {
             Some(_) => "mass",
             None => "load",
         };
-        for key in [load, "friction", "viscous_friction", "gravity"] {
+        let [.., held] = gantry.plant.truth;
+        let is_heavy = held.abs() > 0.02 * gantry.plant.rated_torque;
+        let weight = is_heavy.then_some("gravity");
+        for key in [load, "friction", "viscous_friction"]
+            .into_iter()
+            .chain(weight)
+        {
             let is = number(&gantry.machine(), key);
             let told = number(&written, key);
             // Of a carriage the mass is known, and the beam's is what is left.
             assert!(
-                (told / is - 1.0).abs() < 0.1,
+                (told - is).abs() <= 0.1 * is.abs(),
                 "{key}: {told}, not {is}: {gantry:?}"
             );
         }
     }
+    assert!(told_surely * 10 >= count * 7, "{told_surely} of {count}");
 }
 
 #[test]

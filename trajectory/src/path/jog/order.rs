@@ -42,13 +42,13 @@ pub enum JogError {
     #[error("there is no axis {0}")]
     NoAxis(usize),
     /// A position is outside of the axis' soft limits.
-    #[error("axis {axis} would go to {to}, its soft limits are {min} to {max}")]
+    #[error("axis {axis} would go to {to}, and may go from {min} to {max}")]
     OutsideTravel {
         /// The axis.
         axis: usize,
         /// Where it would go, mm.
         to: f64,
-        /// The least position that it may have, mm.
+        /// The least position that it may go to, mm: of its soft limits, or where it is beyond them.
         min: f64,
         /// The greatest, mm.
         max: f64,
