@@ -92,10 +92,12 @@ impl Args {
                     "arc is slowed down, so that it is left by no more than its mode allows",
                     "arcs are slowed down, so that they are left by no more than their mode allows",
                 );
+                let percent = part * 100.0;
+                // What moves at all is not slowed down to nothing.
+                let digits = if percent < 1.0 { 2 } else { 0 };
                 println!(
-                    "shaper: {arcs}; line {line} \
-                     to {:.0} %: by the square root of what G64 P allows",
-                    part * 100.0
+                    "shaper: {arcs}; line {line} to {percent:.digits$} %: by the square root of its tolerance, which is that \
+                     of G64 P, or `exact_tolerance`"
                 );
             }
             let (deviation, line) = extent.arc_deviation;
