@@ -437,10 +437,11 @@ impl Text {
     }
 }
 
-/// Where a key's place is looked for first, of so many, a power of two.
+/// Where a key's place is looked for first, of so many, a power of two above 1.
 fn slot(key: u32, places: usize) -> usize {
-    // Fibonacci hashing: neighbours, as most keys are, come far from each other.
-    (key.wrapping_mul(0x9E37_79B9) >> 8) as usize & places.saturating_sub(1)
+    // Fibonacci hashing: neighbours, as most keys are, come far from each other. All bits of a key count in the upper ones
+    // of the product.
+    (key.wrapping_mul(0x9E37_79B9) >> (u32::BITS - places.ilog2())) as usize
 }
 
 /// The places of keys, each at its slot or at the next one that is free.
@@ -525,7 +526,7 @@ impl Dictionary {
     /// 0602 0000h for an unknown index, 0609 0011h for an unknown subindex.
     pub fn find(&self, address: Address) -> Result<Row, AbortCode> {
         let mut slot = slot(address.key(), self.places.len());
-        while let Some(place) = self.places.get(slot).copied().flatten() {
+        while let Some(place) = self.places[slot] {
             if self.keys[usize::from(place)] == address.key() {
                 return Ok(Row(place));
             }
@@ -799,6 +800,30 @@ mod tests {
         for index in [0x1008, 0x2000, 0x3000] {
             assert_eq!(objects.value(index, 0), None, "{index:04X}h");
             assert!(!objects.put(index, 0, 1), "{index:04X}h");
+        }
+    }
+
+    /// Objects as devices have them: some of the communication profile, a maker's own by groups, and those of a device profile.
+    #[test]
+    fn a_key_is_found_in_a_step_or_two() {
+        for (groups, subs) in [(1, 4), (10, 3), (40, 8), (200, 12)] {
+            let indices = (0x1000..0x1003)
+                .chain([
+                    0x1018, 0x1400, 0x1401, 0x1600, 0x1601, 0x1800, 0x1801, 0x1A00,
+                ])
+                .chain((0..groups).map(|group| 0x2000 + 0x11 * group))
+                .chain((0..groups).map(|group| 0x6040 + group));
+            let keys = indices.flat_map(|index| (0..subs).map(move |sub| index << 8 | sub));
+            let keys: Vec<u32> = keys.collect();
+            let places = places_of(&keys);
+            let steps = |(place, key): (usize, &u32)| {
+                let found = places.iter().position(|it| *it == Some(place as u16));
+                let from = slot(*key, places.len());
+                (found.unwrap() + places.len() - from) % places.len() + 1
+            };
+            let all: usize = keys.iter().enumerate().map(steps).sum();
+            let mean = all as f64 / keys.len() as f64;
+            assert!(mean < 1.6, "{mean} steps for {} keys", keys.len());
         }
     }
 

@@ -540,8 +540,7 @@ impl BusBudget {
     }
 
     /// The least higher bit rate that all its devices take and that fits this cycle.
-    #[must_use]
-    pub fn higher_bit_rate(&self) -> Option<u32> {
+    fn higher_bit_rate(&self) -> Option<u32> {
         let mut rates = BIT_RATES.iter().copied().filter(|rate| {
             let nodes = self.machine.nodes().filter(|node| node.bus == self.index);
             let mut models = nodes.map(|node| node.model);
