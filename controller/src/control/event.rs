@@ -241,6 +241,8 @@ pub enum Event {
     },
     /// The probe touched something, or a tool the tool setter, while the axes moved for something else; they come to rest.
     Touched,
+    /// The probe, or the tool setter, was moved on beyond `overtravel` in contact: the axes come to rest.
+    Pressed,
     /// An input told in a cut that the spindle has lost its speed: the path comes to rest and is held.
     SpeedLost,
     /// A continuous jog was not renewed in time: the axis comes to rest.
@@ -555,7 +557,8 @@ impl Event {
             | Self::Threaded { .. }
             | Self::TapLeft { .. }
             | Self::ProbingFailed { .. }
-            | Self::Touched => return self.describe_probing(names),
+            | Self::Touched
+            | Self::Pressed => return self.describe_probing(names),
             Self::MissedTPdo { device } => format!("{}: T_PDO missing in one cycle", who(device)),
             Self::LateSetpoint { .. }
             | Self::LostCycles { .. }
@@ -660,6 +663,7 @@ impl Event {
                 Fault::Block(line, BlockCause::Probing(failure)).describe(names)
             }
             Self::Touched => Fault::Touched.describe(names),
+            Self::Pressed => Fault::Pressed.describe(names),
             _ => return None,
         })
     }

@@ -52,6 +52,8 @@ pub enum Fault {
     },
     /// The probe touched something, or a tool the tool setter, while the axes moved for something else.
     Touched,
+    /// The probe, or the tool setter, was moved on beyond `overtravel` in contact.
+    Pressed,
     /// The path rested in mid-program, nobody held it, and nothing more of its plan came.
     NoPlan,
 }
@@ -626,6 +628,11 @@ impl Fault {
             Self::Touched => {
                 "the probe touched something, or a tool the tool setter, while nobody probed: move away, and look \
                               at probe, program and work"
+                    .to_owned()
+            }
+            Self::Pressed => {
+                "the probe, or the tool setter, is in contact and was moved on by more than `overtravel` from where that \
+                 began: move back the way it came, and look at probe, program and work"
                     .to_owned()
             }
             Self::NoPlan => format!(

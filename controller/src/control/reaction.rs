@@ -212,7 +212,9 @@ impl Fault {
             Self::Program => Cause::Program,
             Self::Spindle(SpindleCause::Speed { .. }) => Cause::SpindleSpeed,
             Self::Spindle(SpindleCause::Angle { .. }) => Cause::SpindleAngle,
-            Self::Block(_, BlockCause::Probing(_)) | Self::Touched => Cause::Probing,
+            Self::Block(_, BlockCause::Probing(_)) | Self::Touched | Self::Pressed => {
+                Cause::Probing
+            }
             Self::Block(_, BlockCause::Thread(_)) => Cause::Thread,
             Self::NotEnabled { .. } => Cause::EnableLost,
             Self::NoPlan => Cause::NoPlan,
@@ -372,6 +374,7 @@ mod tests {
             Fault::NotEnabled { input: 1 },
             Fault::Block(1, BlockCause::Probing(ProbeFailure::NoContact)),
             Fault::Touched,
+            Fault::Pressed,
         ];
         for (one, fault) in faults.iter().enumerate() {
             for (other, known) in faults.iter().enumerate() {

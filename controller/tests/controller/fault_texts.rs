@@ -368,6 +368,9 @@ texts! {
     Fault::Touched, Fault::Touched,
     "the probe touched something, or a tool the tool setter, while nobody probed: move away, and look at probe, program and work";
 
+    Fault::Pressed, Fault::Pressed,
+    "the probe, or the tool setter, is in contact and was moved on by more than `overtravel` from where that began: move back the way it came, and look at probe, program and work";
+
     Fault::NoPlan, Fault::NoPlan,
     "the path rests in mid-program, nobody holds it, and no plan came for 30 s: this is a defect of \
      syncline, please report it with the machine, the program and what was done";

@@ -111,7 +111,7 @@ fn row(fault: &Fault) -> (Subject, Row) {
         Fault::Spindle(SpindleCause::Angle { .. }) => {
             (Subject::Machine, ("a spindle off its angle", OnPath))
         }
-        Fault::Block(_, BlockCause::Probing(_)) | Fault::Touched => {
+        Fault::Block(_, BlockCause::Probing(_)) | Fault::Touched | Fault::Pressed => {
             (Subject::Machine, ("probing", OnPath))
         }
     }

@@ -184,7 +184,7 @@ impl<const N: usize> Controller<N> {
         if last.is_none_or(|last| self.cycle - last > ONE_CONTACT) {
             self.tell(Event::Touched);
         }
-        self.stop_at_contact();
+        self.stop_at_contact(Fault::Touched);
     }
 
     /// A contact that stays has to open: nobody drives the probe further than `overtravel` from where the contact began,
@@ -211,8 +211,8 @@ impl<const N: usize> Controller<N> {
         let goes_on = along(&displacement, &plan.velocity) > 0.0;
         let presses = is_further && goes_on && !self.probes() && self.phase == Phase::Program;
         if presses && !self.probing.pressed {
-            self.tell(Event::Touched);
-            self.stop_at_contact();
+            self.tell(Event::Pressed);
+            self.stop_at_contact(Fault::Pressed);
         }
         self.probing.pressed = presses;
     }
@@ -228,9 +228,9 @@ impl<const N: usize> Controller<N> {
     }
 
     /// What moves comes to rest, as nobody is probing.
-    fn stop_at_contact(&mut self) {
+    fn stop_at_contact(&mut self, fault: Fault) {
         if !self.stays_on {
-            self.fail(Fault::Touched);
+            self.fail(fault);
         } else if self.job.is_some() || self.homing.is_active() {
             self.enter(Phase::Stop, &mut []);
         } else {
