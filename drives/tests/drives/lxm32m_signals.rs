@@ -314,6 +314,9 @@ fn digital_signals_are_shown() {
     assert_eq!(inputs(&mut bench), 0b00001, "capture input 1");
     go(&mut bench, 2.0);
     assert_eq!(inputs(&mut bench), 0b00010, "capture input 2");
+    bench.twin().disturb(Disturbance::Input(5, true));
+    assert_eq!(inputs(&mut bench), 0b10_0010, "what is wired to DI5");
+    bench.twin().disturb(Disturbance::Input(5, false));
     // DQ0 no fault, DQ1 power stage on, DQ2 to be set.
     let outputs = |bench: &mut Bench| bench.read_u16(1, 0x3008, 0x10);
     assert_eq!(outputs(&mut bench), 0b011);

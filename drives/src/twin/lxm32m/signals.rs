@@ -268,8 +268,8 @@ impl Drive {
             .set(rows.inputs_and_outputs, inputs | outputs << PROBE_BITS);
     }
 
-    /// DI0…DI4: capture inputs 1 and 2, LIMP, LIMN, REF, and what else is wired there, each 1 while active.
-    fn inputs(&self) -> [bool; 5] {
+    /// DI0…DI5: capture inputs 1 and 2, LIMP, LIMN, REF, none of these, and what else is wired there, each 1 while active.
+    fn inputs(&self) -> [bool; 6] {
         let position = self.carriage();
         let switches = [
             self.capture_level(0, position),
@@ -277,6 +277,7 @@ impl Drive {
             self.switches.positive_limit_active(position),
             self.switches.negative_limit_active(position),
             self.switches.reference_active(position),
+            false,
         ];
         core::array::from_fn(|input| switches[input] || self.switches.is_sensed(input, position))
     }

@@ -16,7 +16,7 @@ pub struct Switches {
     pub reference: Option<Range<f64>>,
     /// Capture inputs 1 and 2: active within.
     pub captures: [Option<Range<f64>>; CAPTURES],
-    /// DI0 to DI4 that other sensors switch on: bit n is DIn.
+    /// DI0 to DI5 that other sensors switch on: bit n is DIn.
     pub sensors: u8,
     /// Sensors along the axis at any of the inputs, besides.
     pub along: Vec<Sensor>,
