@@ -92,6 +92,9 @@ pub struct MachineSpec {
     /// What turns its spindle.
     #[serde(default)]
     pub spindle: Option<SpindleSpec>,
+    /// All of its axes are quick-stopped where one is.
+    #[serde(default)]
+    pub stop_together: bool,
 }
 
 /// A drive that turns the spindle.
@@ -178,6 +181,7 @@ impl MachineSpec {
         machine.weigh(&mut Dice::new(seed, 30));
         machine.err(&mut Dice::new(seed, 31));
         machine.choose_method(&mut Dice::new(seed, 32));
+        machine.stop_together = Dice::new(seed, 33).chance(0.2);
         machine
     }
 
@@ -209,6 +213,7 @@ impl MachineSpec {
             shaper: None,
             models: Vec::new(),
             spindle: None,
+            stop_together: false,
         }
     }
 
@@ -260,6 +265,7 @@ impl MachineSpec {
             shaper: None,
             models: Vec::new(),
             spindle: None,
+            stop_together: false,
         };
         spec.number(dice);
         spec
@@ -669,9 +675,9 @@ impl MachineSpec {
     pub fn toml(&self) -> String {
         let [exact, blend] = self.tolerances;
         let mut text = format!(
-            "[machine]\nname = \"campaign\"\ncycle_us = {}\n\n[controller]\nt_pdo_misses = {}\n\n\
-             [path]\nexact_tolerance = {exact}\nblend_tolerance = {blend}\n",
-            self.cycle_us, self.t_pdo_misses,
+            "[machine]\nname = \"campaign\"\ncycle_us = {}\n\n[controller]\nt_pdo_misses = {}\n\
+             stop_together = {}\n\n[path]\nexact_tolerance = {exact}\nblend_tolerance = {blend}\n",
+            self.cycle_us, self.t_pdo_misses, self.stop_together,
         );
         for (bus, bitrate) in self.buses.iter().enumerate() {
             let _ = write!(
