@@ -74,6 +74,8 @@ pub struct Woken {
     pub shown: Vec<f64>,
     /// By axis: where operators are shown that it is sent, mm.
     pub commanded: Vec<f64>,
+    /// Operators are shown that the axes are off the path.
+    pub off_path: bool,
 }
 
 /// What is left of a case that was played to its end.
@@ -286,6 +288,7 @@ impl<'a> Stage<'a> {
         let coordinates: Vec<usize> = letters.map(AxisLetter::index).collect();
         let of = |all: &[f64]| coordinates.iter().map(|it| all[*it]).collect();
         let (state, shown, commanded) = (status.state, of(&status.actual), of(&status.setpoint));
+        let off_path = status.off_path;
         let timeline = self.session.timeline();
         let now = timeline.now();
         let world = timeline.world();
@@ -304,6 +307,7 @@ impl<'a> Stage<'a> {
             outputs,
             shown,
             commanded,
+            off_path,
         }
     }
 

@@ -6,11 +6,13 @@ use std::time::Duration;
 use syncline_canopen::cia402::{self, Statusword};
 use syncline_canopen::{CanId, CobId, Frame, Instant};
 use syncline_controller::campaign::stage::{self, Played, Woken};
-use syncline_controller::campaign::{self, AxisSpec, Case, Checkers, Interference, Seen, Wanted};
+use syncline_controller::campaign::{
+    self, AxisSpec, Case, Checkers, Interference, Seen, ToBus, ToDrive, Trouble, Wanted, When, Wire,
+};
 use syncline_controller::control::fault::{AxisCause, BusCause, DeviceCause, Fault};
 use syncline_controller::control::{self, State};
 use syncline_controller::machine::Machine;
-use syncline_controller::session::{Accepted, Command, Event};
+use syncline_controller::session::{Accepted, Command, Direction, Event, Jog};
 use syncline_drives::bus::{Sender, Transmission};
 
 use super::outside::root;
@@ -50,6 +52,8 @@ static RECORDED: LazyLock<Vec<Recorded>> = LazyLock::new(|| {
         axes.any(|axis| axis.encoder.is_some())
     }));
     recorded.push(untroubled(|_, machine| streamed(machine).is_some()));
+    recorded.push(untroubled(|case, _| wired(case, ENABLE).is_some()));
+    recorded.push(untroubled(|case, _| !case.machine.io_nodes.is_empty()));
     recorded.push(untroubled(|_, machine| {
         let watched = machine.encoders.first().map(|encoder| encoder.axis);
         stepper(machine).is_some_and(|drive| watched == Some(Some(machine.drives[drive].axis)))
@@ -57,7 +61,10 @@ static RECORDED: LazyLock<Vec<Recorded>> = LazyLock::new(|| {
     recorded
 });
 
-/// A program that switches an output of a drive, on and off, at once and with motions, and leaves it on.
+/// Ways to and fro at the end of a program.
+const WAYS: usize = 6;
+
+/// A program that switches an output of a drive, on and off, at once and with motions, and leaves it on; its machine has a door.
 fn switching() -> Recorded {
     let number = |case: &Case| {
         let drives = case.machine.axes.iter().flat_map(|axis| &axis.drives);
@@ -69,6 +76,21 @@ fn switching() -> Recorded {
     let small = cases.find(|case| case.machine.axes.len() < 3 && number(case).is_some());
     let mut case = small.unwrap();
     let number = number(&case).unwrap();
+    let drives = case
+        .machine
+        .axes
+        .iter_mut()
+        .flat_map(|axis| &mut axis.drives);
+    let is_output = |wire: &Wire| wire.table == "output";
+    let mut wired = drives.filter(|drive| drive.wires.iter().any(is_output));
+    let drive = wired.next().unwrap();
+    drive.wires.retain(is_output);
+    drive.wires.push(Wire {
+        table: "input".to_owned(),
+        place: 4,
+        signal: "DI4".to_owned(),
+        meaning: format!("{DOOR}\ndebounce_ms = 20"),
+    });
     let axis = &case.machine.axes[0];
     let [least, most] = axis.soft_limits;
     let rest = 0.0_f64.clamp(least, most);
@@ -79,7 +101,7 @@ fn switching() -> Recorded {
     };
     let line = |turns: f64| format!("G1 {}{}", axis.letter, rest + turns * way);
     let switch = |code: u8| format!("M{code} P{number}");
-    case.programs = vec![vec![
+    let mut program = vec![
         format!("F{}", 30.0 * axis.velocity),
         line(1.0),
         switch(64),
@@ -91,13 +113,15 @@ fn switching() -> Recorded {
         switch(63),
         line(1.0),
         switch(64),
-        line(3.0),
-        "M2".to_owned(),
-    ]];
+    ];
+    // Longer than any stop takes.
+    program.extend((0..WAYS).flat_map(|_| [line(3.0), line(1.0)]));
+    program.push("M2".to_owned());
+    case.programs = vec![program];
     case.deeds.clear();
     case.troubles.clear();
     case.patience = Some(10);
-    case.cycles = 4_000_000 / case.machine.cycle_us;
+    case.cycles = 12_000_000 / case.machine.cycle_us;
     record(case)
 }
 
@@ -111,6 +135,41 @@ fn untroubled(is_kind: fn(&Case, &Machine) -> bool) -> Recorded {
     let mut recorded = quiet.map(record);
     let moves = recorded.find(|it| it.played.summary.times.motion_s > 1.5);
     moves.unwrap()
+}
+
+/// What machine files say of inputs.
+const DOOR: &str = "function = \"door\"";
+const ENABLE: &str = "function = \"enable\"";
+
+/// An input that means this, by its device and its number there.
+fn wired(case: &Case, meaning: &str) -> Option<(usize, u8)> {
+    let machine = &case.machine;
+    let drives = machine.axes.iter().flat_map(|axis| &axis.drives);
+    let encoders = machine.axes.iter().filter(|axis| axis.encoder.is_some());
+    let wires = drives.map(|drive| &drive.wires[..]);
+    let wires = wires.chain(encoders.map(|_| &[][..]));
+    let mut wires = wires.chain(machine.io_nodes.iter().map(|io| &io.wires[..]));
+    let place = |wires: &[Wire]| {
+        let mut wires = wires.iter();
+        Some(wires.find(|it| it.meaning.starts_with(meaning))?.place)
+    };
+    let mut device = 0;
+    wires.find_map(|wires| {
+        device += 1;
+        Some((device - 1, place(wires)?))
+    })
+}
+
+/// In the midst of a program an input comes on that means this.
+fn comes_on(recorded: &Recorded, planting: &mut Planting, seen: &Seen, meaning: &str) -> Vec<Seen> {
+    let mut all = vec![seen.clone()];
+    if let Some((device, place)) = wired(&recorded.case, meaning)
+        && planting.once()
+    {
+        let what = ToDrive::Input(place, true);
+        all.push(Seen::Interfered(Interference::Drive(device, what)));
+    }
+    all
 }
 
 /// The first drive that is sent velocities.
@@ -363,6 +422,26 @@ fn is_sync(seen: &Seen) -> bool {
     matches!(seen, Seen::Frame { sent, .. } if sent.frame.id() == CanId::from(CobId::SYNC))
 }
 
+/// The last drive never says that it is ready to be switched on.
+fn not_ready(it: &Recorded, seen: &Seen) -> Vec<Seen> {
+    let Seen::Frame { bus, sent } = seen else {
+        return vec![seen.clone()];
+    };
+    let last = it.machine.drives.last().unwrap();
+    let own = sent.frame.id() == CanId::from(CobId::t_pdo(2, last.node)) && *bus == last.bus;
+    let data = sent.frame.data();
+    if !own || data.len() < 2 {
+        return vec![seen.clone()];
+    }
+    let word = Statusword(u16::from_le_bytes([data[0], data[1]]));
+    if word.state() != Some(cia402::State::ReadyToSwitchOn) {
+        return vec![seen.clone()];
+    }
+    let mut data = data.to_vec();
+    data[0] = 0x50;
+    vec![framed(*bus, sent, Frame::new(sent.frame.id(), &data))]
+}
+
 /// An NMT command in front of a SYNC.
 fn commanded(seen: &Seen, data: [u8; 2]) -> Vec<Seen> {
     let Seen::Frame { bus, sent } = seen else {
@@ -375,7 +454,7 @@ fn commanded(seen: &Seen, data: [u8; 2]) -> Vec<Seen> {
 }
 
 /// Defects by the checker that has to find each.
-const DEFECTS: [(&str, &str, Change); 71] = [
+const DEFECTS: [(&str, &str, Change); 76] = [
     (
         "velocities",
         "a velocity for a drive that is only ready",
@@ -594,6 +673,27 @@ const DEFECTS: [(&str, &str, Change); 71] = [
         },
     ),
     (
+        "stops",
+        "a door that is opened, and nobody minds",
+        |it, planting, seen| comes_on(it, planting, seen, DOOR),
+    ),
+    (
+        "stops",
+        "a jog that nobody renews and that goes on",
+        |it, planting, seen| {
+            let mut all = vec![seen.clone()];
+            if planting.once() {
+                let jog = Jog::Continuous {
+                    axis: it.machine.axes[0].letter,
+                    direction: Direction::Positive,
+                    speed: None,
+                };
+                all.push(accepted(Command::Jog(jog)));
+            }
+            all
+        },
+    ),
+    (
         "transitions",
         "a program that runs before the machine is ready",
         |_, _, seen| match seen {
@@ -698,25 +798,7 @@ const DEFECTS: [(&str, &str, Change); 71] = [
     (
         "transitions",
         "an enabled drive beside one that is not ready",
-        |it, _, seen| {
-            let Seen::Frame { bus, sent } = seen else {
-                return vec![seen.clone()];
-            };
-            let last = it.machine.drives.last().unwrap();
-            let own =
-                sent.frame.id() == CanId::from(CobId::t_pdo(2, last.node)) && *bus == last.bus;
-            let data = sent.frame.data();
-            if !own || data.len() < 2 {
-                return vec![seen.clone()];
-            }
-            let word = Statusword(u16::from_le_bytes([data[0], data[1]]));
-            if word.state() != Some(cia402::State::ReadyToSwitchOn) {
-                return vec![seen.clone()];
-            }
-            let mut data = data.to_vec();
-            data[0] = 0x50;
-            vec![framed(*bus, sent, Frame::new(sent.frame.id(), &data))]
-        },
+        |it, _, seen| not_ready(it, seen),
     ),
     ("alarms", "a fault out of nothing", |_, planting, seen| {
         let mut all = vec![seen.clone()];
@@ -1130,6 +1212,36 @@ const DEFECTS: [(&str, &str, Change); 71] = [
         },
     ),
     (
+        "reactions",
+        "a device that another master stops, and nobody minds",
+        |it, planting, seen| {
+            let mut all = vec![seen.clone()];
+            if let Some(first) = it.machine.drives.first().filter(|_| planting.once()) {
+                let stop = ToBus::Nmt(2, first.node.get());
+                all.push(Seen::Interfered(Interference::Bus(first.bus, stop)));
+            }
+            all
+        },
+    ),
+    (
+        "reactions",
+        "an enable that goes off, and nobody minds",
+        |it, planting, seen| comes_on(it, planting, seen, ENABLE),
+    ),
+    (
+        "reactions",
+        "an I/O node that falls silent, and nobody minds",
+        |it, planting, seen| {
+            let mut all = vec![seen.clone()];
+            let first = it.machine.drives.len() + it.machine.encoders.len();
+            if !it.case.machine.io_nodes.is_empty() && planting.once() {
+                let mute = Interference::Drive(first, ToDrive::Mute(true));
+                all.push(Seen::Interfered(mute));
+            }
+            all
+        },
+    ),
+    (
         "ending",
         "a clock that stands still",
         |_, planting, seen| match seen {
@@ -1184,6 +1296,93 @@ fn every_planted_defect_is_found_by_its_checker() {
         }
     }
     assert!(missed.is_empty(), "not found:\n{}", missed.join("\n"));
+}
+
+/// Of what other defects make, too, what is told of each.
+const TOLD: [(&str, Change); 4] = [
+    (
+        "an operator's stop leaves the path",
+        |_, planting, seen| match seen {
+            Seen::Woken(woken) if planting.done > 0 => {
+                let mut woken = woken.clone();
+                woken.off_path = true;
+                vec![Seen::Woken(woken)]
+            }
+            Seen::Woken(_) if planting.once() => vec![seen.clone(), accepted(Command::Stop)],
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "a setpoint that only a defect makes",
+        |_, planting, seen| {
+            let mut all = vec![seen.clone()];
+            if planting.once() {
+                let late = Interference::Late(1);
+                let cause = AxisCause::SetpointGuard {
+                    drive: 0,
+                    quantity: control::Quantity::Jerk,
+                    value: 1.0,
+                    sampled: false,
+                };
+                all.push(Seen::Interfered(late));
+                all.push(event(control::Event::Fault(Fault::Axis(0, cause))));
+            }
+            all
+        },
+    ),
+    (
+        "a fault although what happened is to be borne",
+        |it, planting, seen| {
+            let mut all = vec![seen.clone()];
+            if it.case.machine.t_pdo_misses > 1 && planting.once() {
+                let lost = Interference::Drive(0, ToDrive::LoseTPdos(1));
+                let cause = DeviceCause::MissingTPdo { misses: 1 };
+                all.push(Seen::Interfered(lost));
+                all.push(event(control::Event::Fault(Fault::Device(0, cause))));
+            }
+            all
+        },
+    ),
+    (
+        "enabled while another drive is not ready",
+        |it, planting, seen| {
+            let mut all = not_ready(it, seen);
+            if planting.done == 0 {
+                planting.done = 1;
+                let longer = Interference::Drive(0, ToDrive::EnableTime(1));
+                all.push(Seen::Interfered(longer));
+            }
+            all
+        },
+    ),
+];
+
+/// As far as nothing is known to be wrong, which would be told before.
+#[test]
+fn what_is_wrong_beside_troubles_is_told_as_that() {
+    let mut missed = Vec::new();
+    for (what, change) in TOLD {
+        let found = RECORDED.iter().any(|it| {
+            let mut case = it.case.clone();
+            case.troubles.push(Trouble {
+                at: When::Ready(u32::MAX),
+                what: Interference::Late(1),
+            });
+            let mut checkers = Checkers::new(&case, &it.machine);
+            let mut planting = Planting::default();
+            for seen in &it.seen {
+                planting.see(it, seen);
+                for seen in change(it, &mut planting, seen) {
+                    checkers.see(&seen);
+                }
+            }
+            checkers.found.0.iter().any(|it| it.what == what)
+        });
+        if !found {
+            missed.push(what);
+        }
+    }
+    assert_eq!(missed, [""; 0], "not found");
 }
 
 /// Quiet cases of corrected axes whose positions a drive is sent, as they are seen where the machine corrects by something else.

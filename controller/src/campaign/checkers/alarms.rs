@@ -56,6 +56,31 @@ fn suspects(scene: &Scene<'_>) -> Option<Vec<usize>> {
     Some(suspects)
 }
 
+/// Whether nothing has happened but what a machine bears: of each device fewer T_PDOs are lost than may be missing in a row, and
+/// inputs of programs and operators are switched.
+fn is_borne(scene: &Scene<'_>) -> bool {
+    let machine = &scene.case.machine;
+    let stops = |device: usize, place: u8| {
+        let mut wires = machine.wires();
+        wires.any(|(of, wire)| {
+            (of, wire.place) == (device, place) && (wire.is_enable() || wire.is_home())
+        })
+    };
+    let mut lost = vec![0; machine.nodes().count()];
+    let mut all = scene.interferences.iter();
+    all.all(|(_, what)| match *what {
+        Interference::StarvePlanner(_) => true,
+        Interference::Drive(device, ToDrive::Input(place, _)) => !stops(device, place),
+        Interference::Drive(device, ToDrive::LoseTPdos(count)) => {
+            lost.get_mut(device).is_some_and(|lost| {
+                *lost += count;
+                *lost < machine.t_pdo_misses.min(scene.misses(device))
+            })
+        }
+        _ => false,
+    })
+}
+
 impl Alarms {
     fn fault(&mut self, scene: &Scene<'_>, fault: &Fault, found: &mut Found) {
         self.emergency = None;
@@ -72,6 +97,24 @@ impl Alarms {
                 format!("{fault:?}")
             });
             return;
+        }
+        // Whatever else is wrong: it is the controller's own plan that is held back.
+        if matches!(
+            fault,
+            Fault::Axis(_, AxisCause::SetpointGuard { sampled: false, .. })
+        ) {
+            let what = "a setpoint that only a defect makes";
+            found.violate(NAME, scene, what, || format!("{fault:?}"));
+        }
+        let is_homing = matches!(
+            fault,
+            Fault::Axis(_, AxisCause::Unreferenced | AxisCause::Homing(_))
+        );
+        if is_borne(scene) && !is_homing {
+            let what = "a fault although what happened is to be borne";
+            found.violate(NAME, scene, what, || {
+                format!("{fault:?}; what happened: {:?}", scene.interferences)
+            });
         }
         let Some(suspects) = suspects(scene) else {
             return;

@@ -684,7 +684,7 @@ fn units_of(machine: &Machine, drive: &SpindleDrive) -> f64 {
 }
 
 /// Nothing has happened that changes when bursts leave.
-fn is_calm(scene: &Scene<'_>) -> bool {
+pub(super) fn is_calm(scene: &Scene<'_>) -> bool {
     let mut all = scene.interferences.iter();
     all.all(|(_, what)| {
         matches!(

@@ -2,17 +2,18 @@
 //! one that showed first first: from controlwords, statuswords and what the session told.
 //!
 //! The table is this checker's own copy of the page. A reaction is looked for in the controlwords: a quick stop is
-//! 000Bh, and a drive that comes to rest on the path is told to follow until its setpoints rest.
+//! 000Bh, and a drive that comes to rest on the path is told to follow until its setpoints rest. That a machine may not be
+//! enabled, and that a device is silent whatever else happens, or was taken out of Operational, is known from what happened.
 
-use super::super::interference::{Interference, ToDrive};
+use super::super::interference::{Interference, ToBus, ToDrive};
 use super::scene::FOLLOWS;
-use super::{Checker, Found, Scene};
+use super::{Checker, Found, Scene, outputs};
 use crate::control::fault::{AxisCause, BlockCause, BusCause, DeviceCause, SpindleCause};
 use crate::control::{self, Fault, State};
 use crate::machine::Machine;
 use crate::session::{Command, Event};
-use syncline_canopen::Instant;
-use syncline_drives::bus::Transmission;
+use syncline_canopen::{CanId, Instant, nmt};
+use syncline_drives::bus::{Sender, Transmission};
 use syncline_drives::model::PowerState;
 
 const NAME: &str = "reactions";
@@ -24,6 +25,11 @@ const QUICK_STOP: u16 = 0x0B;
 const IN_TIME: u32 = 2;
 /// SYNCs without an answer, to them or to what is asked, beyond those that are allowed until something is done.
 pub(super) const SILENT: u32 = 3;
+
+/// Cycles in which an enable that went off stops the machine: an I/O node tells its inputs once in a cycle.
+const DISABLES: f64 = 6.0;
+/// How much later than its heartbeat is missing a silent device is noticed at the most, s.
+const NOTICED: f64 = 0.1;
 
 /// A column of the table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -135,6 +141,14 @@ pub(super) struct Reactions {
     told: Vec<(Subject, Row)>,
     /// The machine's state at the last wake-up.
     state: State,
+    /// Inputs by which the machine may not be enabled, device and place, and since when.
+    forbids: Vec<((usize, u8), Instant)>,
+    /// Devices of which nothing reaches the bus, or that were taken out of Operational, and since when.
+    away: Vec<(usize, Instant)>,
+    /// By how much wake-ups were late, s.
+    late: f64,
+    /// A stranger's frames may have been taken for a device's.
+    is_feigned: bool,
 }
 
 /// A drive.
@@ -176,6 +190,70 @@ impl Reactions {
             drives: vec![Watched::default(); machine.drives.len()],
             told: Vec::new(),
             state: State::Starting,
+            forbids: Vec::new(),
+            away: Vec::new(),
+            late: 0.0,
+            is_feigned: false,
+        }
+    }
+
+    /// What shows in no drive, and nothing is done about while axes may move.
+    fn overlooked(&self, scene: &Scene<'_>, found: &mut Found) {
+        if !is_up(scene.state) || scene.faulted {
+            return;
+        }
+        let up = scene.since(scene.state_since);
+        let lasts = |since: Instant| scene.since(since).min(up);
+        let forbids = |(_, since): &&((usize, u8), Instant)| {
+            lasts(*since) > DISABLES * scene.period() && outputs::is_calm(scene)
+        };
+        if let Some(((device, place), since)) = self.forbids.iter().find(forbids) {
+            let what = "nothing is done about an enable that is off";
+            found.violate(NAME, scene, what, || {
+                let since = scene.since(*since);
+                format!("input {place} of device {device}, {since} s after it went off")
+            });
+        }
+        let heartbeat = scene.machine.controller.heartbeat_timeout.as_secs_f64();
+        let late = heartbeat + NOTICED + f64::from(SILENT) * scene.period() + self.late;
+        let silent = |(_, since): &&(usize, Instant)| lasts(*since) > late && !self.is_feigned;
+        if let Some((device, since)) = self.away.iter().find(silent) {
+            let what = "nothing is done about a silent device";
+            found.violate(NAME, scene, what, || {
+                format!("device {device}, silent for {} s", scene.since(*since))
+            });
+        }
+    }
+
+    /// The controller starts or resets a device: it begins anew.
+    fn begins_anew(&mut self, scene: &Scene<'_>, bus: usize, sent: &Transmission) {
+        let &[command, node] = sent.frame.data() else {
+            return;
+        };
+        let stops = [nmt::Command::Stop, nmt::Command::EnterPreOperational];
+        let is_nmt = sent.frame.id() == CanId::Standard(0) && sent.sender == Sender::Port;
+        if is_nmt && !stops.map(|it| it as u8).contains(&command) {
+            let mut nodes = scene.case.machine.nodes();
+            let device = nodes.position(|it| it == (bus, node));
+            self.away.retain(|(it, _)| Some(*it) != device);
+        }
+    }
+
+    /// Something happens to the devices of a bus.
+    fn bus(&mut self, scene: &Scene<'_>, bus: usize, what: ToBus) {
+        match what {
+            ToBus::Nmt(command, to) => {
+                let stops = [nmt::Command::Stop, nmt::Command::EnterPreOperational];
+                let stops = stops.map(|it| it as u8).contains(&command);
+                for (device, (of, node)) in scene.case.machine.nodes().enumerate() {
+                    if of == bus && (to == 0 || to == node) && !scene.is_polled(device) {
+                        self.away.retain(|(it, _)| *it != device);
+                        self.away.extend(stops.then_some((device, scene.now)));
+                    }
+                }
+            }
+            ToBus::Intruder(..) => self.is_feigned = true,
+            _ => {}
         }
     }
 
@@ -349,7 +427,8 @@ impl Checker for Reactions {
         }
     }
 
-    fn frame(&mut self, scene: &Scene<'_>, _: usize, _: &Transmission, found: &mut Found) {
+    fn frame(&mut self, scene: &Scene<'_>, bus: usize, sent: &Transmission, found: &mut Found) {
+        self.begins_anew(scene, bus, sent);
         if let Some(drive) = scene.told_status {
             self.heard(scene, drive);
         }
@@ -361,11 +440,39 @@ impl Checker for Reactions {
         }
     }
 
-    fn interfered(&mut self, _: &Scene<'_>, what: &Interference, _: &mut Found) {
-        if let Interference::Drive(drive, ToDrive::Reset) = what
-            && let Some(watched) = self.drives.get_mut(*drive)
-        {
-            watched.followed = false;
+    fn interfered(&mut self, scene: &Scene<'_>, what: &Interference, _: &mut Found) {
+        let (device, what) = match *what {
+            Interference::Drive(device, what) => (device, what),
+            Interference::Bus(bus, what) => return self.bus(scene, bus, what),
+            Interference::Late(micros) => {
+                self.late += f64::from(micros) * 1e-6;
+                return;
+            }
+            Interference::Slip(..) | Interference::StarvePlanner(_) => return,
+        };
+        let machine = &scene.case.machine;
+        match what {
+            ToDrive::Reset => {
+                if let Some(watched) = self.drives.get_mut(device) {
+                    watched.followed = false;
+                }
+            }
+            ToDrive::Input(place, on) => {
+                let mut wires = machine.wires().filter(|(_, wire)| wire.is_enable());
+                if wires.any(|(of, wire)| (of, wire.place) == (device, place)) {
+                    let is_known = self.forbids.iter().any(|(it, _)| *it == (device, place));
+                    match on {
+                        true if is_known => {}
+                        true => self.forbids.push(((device, place), scene.now)),
+                        false => self.forbids.retain(|(it, _)| *it != (device, place)),
+                    }
+                }
+            }
+            ToDrive::Mute(true) if !scene.is_polled(device) => {
+                self.away.push((device, scene.now));
+            }
+            ToDrive::Mute(false) => self.away.retain(|(it, _)| *it != device),
+            _ => {}
         }
     }
 
@@ -392,6 +499,7 @@ impl Checker for Reactions {
                 });
             }
         }
+        self.overlooked(scene, found);
         self.state = scene.state;
     }
 }

@@ -77,6 +77,8 @@ pub struct Scene<'a> {
     pub shown: Vec<f64>,
     /// By axis: where operators are shown that it is sent, mm.
     pub commanded: Vec<f64>,
+    /// Operators are shown that the axes are off the path.
+    pub off_path: bool,
     /// What happened from outside, and when.
     pub interferences: Vec<(Instant, Interference)>,
     /// Whether nothing goes wrong in the case, as [`Case::is_untroubled`] has it.
@@ -234,6 +236,7 @@ impl<'a> Scene<'a> {
             homed_off: vec![0.0; machine.axes.len()],
             shown: Vec::new(),
             commanded: Vec::new(),
+            off_path: false,
             interferences: Vec::new(),
             is_untroubled: case.is_untroubled(),
             is_misled: false,
@@ -482,5 +485,6 @@ impl<'a> Scene<'a> {
         self.outputs.clone_from(&woken.outputs);
         self.shown.clone_from(&woken.shown);
         self.commanded.clone_from(&woken.commanded);
+        self.off_path = woken.off_path;
     }
 }

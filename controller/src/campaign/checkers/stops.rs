@@ -4,14 +4,20 @@
 //! axis, so that a stop takes no longer than v/a + a/j of the axes that are worst at each; curves take part
 //! of an acceleration for the bend, so that [`CURVED`] times that is allowed. Where the planner has to
 //! answer first, or does nothing because it is starved, the path goes on meanwhile.
+//!
+//! A continuous jog that nobody renews is such a cause, and so is a door that is opened, or the input for feed hold, while
+//! axes may move. Where an operator stops a job, and nothing is wrong, the axes stay on its path: by what operators are shown, and as
+//! long as they are shown that, the verdict holds the path against the program.
 
 use super::super::interference::{Interference, ToDrive};
 use super::super::stage::Played;
 use super::carriage::taken_up;
+use super::outputs::is_calm;
 use super::{Checker, Found, Scene};
-use crate::control;
-use crate::session::{Command, Event};
+use crate::control::{self, State};
+use crate::session::{Command, Event, Jog};
 use syncline_canopen::Instant;
+use syncline_canopen::time::Duration;
 use syncline_drives::model::Increments;
 
 const NAME: &str = "stops";
@@ -28,6 +34,13 @@ const CYCLES: f64 = 12.0;
 /// Setpoints that have not changed for so long rest, cycles.
 const RESTS: f64 = 3.0;
 
+/// What a door, or the input for feed hold, is to the table of causes.
+const INPUT: &str = "an input";
+/// An input that goes off sooner need not have been seen: a door is debounced for 20 ms, s.
+const SEEN: f64 = 0.1;
+/// How long a continuous jog goes on without being renewed ([guide.md](../../../../docs/guide.md)).
+const HOLD_TO_RUN: Duration = Duration::from_millis(200);
+
 /// What is to stop, and where a stop takes how long.
 pub(super) struct Stops {
     /// v/a + a/j of the worst axes, s.
@@ -41,6 +54,14 @@ pub(super) struct Stops {
     pub(super) times: StopTimes,
     /// By drive: what it latched last.
     latched: Vec<Option<Increments>>,
+    /// The axis that is jogged on and on, and when somebody last said so.
+    jog: Option<(usize, Instant)>,
+    /// The inputs that hold the path and are on: device, and place there.
+    holding: Vec<(usize, u8)>,
+    /// A job was stopped on its path, and does not rest yet.
+    stays: bool,
+    /// Another command took effect in this wake-up.
+    commanded: bool,
 }
 
 /// From a cause to the last setpoint that changed, in cycles, by the cause.
@@ -74,6 +95,10 @@ impl Stops {
             stop: None,
             times: StopTimes::default(),
             latched: vec![None; machine.drives.len()],
+            jog: None,
+            holding: Vec::new(),
+            stays: false,
+            commanded: false,
         }
     }
 
@@ -100,7 +125,9 @@ impl Stops {
 
     /// What only rests may be set in motion again.
     fn set_in_motion(&mut self, scene: &Scene<'_>) {
-        self.end(scene, |stop| ["feed hold", "stop"].contains(&stop.cause));
+        self.end(scene, |stop| {
+            ["feed hold", "stop", INPUT].contains(&stop.cause)
+        });
     }
 
     /// A stop of this kind is over; how long it took is known if the setpoints rest.
@@ -113,31 +140,110 @@ impl Stops {
         }
     }
 
-    fn bound(&self, scene: &Scene<'_>, stop: &Stop) -> f64 {
+    /// How long a stop takes at the most, s.
+    fn bound(&self, scene: &Scene<'_>) -> f64 {
         let smooth = CURVED * self.line + self.shaped + self.taken_up;
-        smooth + ANSWER + CYCLES * scene.period() + stop.longer
+        smooth + ANSWER + CYCLES * scene.period()
     }
+
+    /// An axis moves that nobody has jogged on for too long.
+    fn jogged_on(&mut self, scene: &Scene<'_>, moved: &[usize], found: &mut Found) {
+        let Some((axis, since)) = self.jog else {
+            return;
+        };
+        let spec = &scene.machine.axes[axis];
+        let (goes_on, bound) = (
+            scene.since(since),
+            HOLD_TO_RUN.as_secs_f64() + self.bound(scene),
+        );
+        if goes_on > bound && spec.drives.iter().any(|drive| moved.contains(drive)) {
+            found.violate(NAME, scene, "a jog that nobody renews goes on", || {
+                let name = spec.name();
+                format!("axis {name} moves {goes_on} s later; allowed {bound} s")
+            });
+        }
+    }
+
+    /// What an operator's command is to a jog that goes on and on.
+    fn jogs(&mut self, scene: &Scene<'_>, command: &Command) {
+        let place = |letter| (scene.machine.axes.iter()).position(|axis| axis.letter == letter);
+        match *command {
+            Command::Jog(Jog::Continuous { axis, .. }) => {
+                self.jog = place(axis).map(|axis| (axis, scene.now));
+            }
+            Command::RenewJog(letter) => {
+                if let Some((axis, since)) = &mut self.jog
+                    && place(letter) == Some(*axis)
+                {
+                    *since = scene.now;
+                }
+            }
+            Command::EndJog(_)
+            | Command::JogStep(_)
+            | Command::FeedOverride(_)
+            | Command::RapidOverride(_)
+            | Command::SingleBlock(_)
+            | Command::OptionalStop(_)
+            | Command::Load(_) => {}
+            _ => self.jog = None,
+        }
+    }
+
+    /// An input is switched: one that holds the path is a cause like any other where it can have been seen.
+    fn switched(&mut self, scene: &Scene<'_>, device: usize, place: u8, on: bool) {
+        let mut wires = scene.case.machine.wires();
+        if !wires.any(|(of, wire)| (of, wire.place) == (device, place) && wire.holds()) {
+            // A person may go on by an input too.
+            self.set_in_motion(scene);
+            self.jog = None;
+            return;
+        }
+        let known = self.holding.iter().position(|it| *it == (device, place));
+        match (known, on) {
+            (None, true) => {
+                self.holding.push((device, place));
+                if is_calm(scene) && may_move(scene.state) {
+                    self.begin(scene, INPUT);
+                }
+            }
+            (Some(known), false) => {
+                self.holding.swap_remove(known);
+                self.end(scene, |stop| {
+                    stop.cause == INPUT && scene.since(stop.since) < SEEN
+                });
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Whether an operator's feed hold does something.
+fn may_move(state: State) -> bool {
+    use State::{Held, Homing, Jogging, Mdi, Running};
+    matches!(state, Homing | Jogging | Mdi | Running | Held)
 }
 
 impl Checker for Stops {
     fn sync(&mut self, scene: &Scene<'_>, bus: usize, found: &mut Found) {
-        let mut moved = None;
+        let mut moved = Vec::new();
         for &drive in scene.drives_of(bus) {
             let it = &scene.drives[drive];
             let latched = it.latched.filter(|_| it.in_effect);
             let before = std::mem::replace(&mut self.latched[drive], latched);
             if latched.is_some() && before.is_some() && latched != before {
-                moved = Some(drive);
+                moved.push(drive);
             }
         }
-        let Some(drive) = moved else {
+        self.jogged_on(scene, &moved, found);
+        let Some(&drive) = moved.last() else {
             return;
         };
         let Some(mut stop) = self.stop.take() else {
             return;
         };
         stop.moved = scene.now;
-        let (took, bound) = (scene.since(stop.since), self.bound(scene, &stop));
+        let took = scene.since(stop.since);
+        let bound = self.bound(scene) + stop.longer;
         if took > bound {
             found.violate(
                 NAME,
@@ -159,13 +265,17 @@ impl Checker for Stops {
         let longer = match what {
             Interference::Late(micros) => f64::from(*micros) * 1e-6,
             Interference::StarvePlanner(wake_ups) => f64::from(*wake_ups) * scene.period(),
-            Interference::Drive(_, ToDrive::Input(..)) => {
-                // A person may go on by an input too.
-                self.set_in_motion(scene);
+            Interference::Drive(device, ToDrive::Input(place, on)) => {
+                self.switched(scene, *device, *place, *on);
                 0.0
             }
             _ => 0.0,
         };
+        if !is_calm(scene) {
+            // It may not have been heard of.
+            self.end(scene, |stop| stop.cause == INPUT);
+            self.jog = None;
+        }
         if let Some(stop) = &mut self.stop {
             stop.longer += longer;
         }
@@ -177,16 +287,41 @@ impl Checker for Stops {
                 // It stops more than a feed hold does: nobody resumes it.
                 self.end(scene, |stop| stop.cause == "feed hold");
                 self.begin(scene, "fault");
+                (self.jog, self.stays) = (None, false);
             }
-            Event::Accepted(it) => match it.command {
-                Command::Stop if !scene.faulted => self.begin(scene, "stop"),
-                Command::Disable => self.begin(scene, "disable"),
-                Command::SwitchOff => self.begin(scene, "switch off"),
-                Command::FeedHold => self.begin(scene, "feed hold"),
-                Command::Reset | Command::Enable => self.end(scene, |_| true),
-                _ => self.set_in_motion(scene),
-            },
+            Event::Accepted(it) => {
+                self.jogs(scene, &it.command);
+                let on_path = matches!(scene.state, State::Running | State::Mdi)
+                    && !scene.off_path
+                    && !self.commanded;
+                match it.command {
+                    Command::Stop | Command::Disable | Command::SwitchOff => {
+                        self.stays |= on_path && !scene.faulted;
+                    }
+                    _ => self.commanded = true,
+                }
+                match it.command {
+                    Command::Stop if !scene.faulted => self.begin(scene, "stop"),
+                    Command::Disable => self.begin(scene, "disable"),
+                    Command::SwitchOff => self.begin(scene, "switch off"),
+                    Command::FeedHold => self.begin(scene, "feed hold"),
+                    Command::Reset | Command::Enable => self.end(scene, |_| true),
+                    _ => self.set_in_motion(scene),
+                }
+            }
+            Event::State(State::Stopping) => {}
+            Event::State(_) => self.stays = false,
             _ => {}
+        }
+    }
+
+    fn woken(&mut self, scene: &Scene<'_>, found: &mut Found) {
+        self.commanded = false;
+        if self.stays && scene.off_path {
+            self.stays = false;
+            found.violate(NAME, scene, "an operator's stop leaves the path", || {
+                format!("machine {}", scene.state)
+            });
         }
     }
 

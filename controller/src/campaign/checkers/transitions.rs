@@ -1,12 +1,14 @@
 //! What may follow what: states of the session, controlwords, NMT commands.
 
 use super::super::interference::{Interference, ToBus};
+use super::reactions::is_calm;
+use super::scene::DriveScene;
 use super::{Checker, Found, Scene};
 use crate::control::State;
 use crate::machine::Motion;
 use crate::session::Event;
 use syncline_canopen::cia402::{self, Statusword};
-use syncline_canopen::{CanId, nmt};
+use syncline_canopen::{CanId, Instant, nmt};
 use syncline_drives::bus::{Sender, Transmission};
 
 const NAME: &str = "transitions";
@@ -17,6 +19,22 @@ pub(super) struct Transitions {
     state: Option<State>,
     /// By drive: how far it is commanded.
     levels: Vec<Option<u8>>,
+    /// By drive: it said that it is not ready, since when; and when it was heard last.
+    unready: Vec<(Option<Instant>, Instant)>,
+}
+
+/// A drive that has said for so many cycles that it is not ready, and is heard, is waited for.
+const WAITED_FOR: f64 = 4.0;
+
+/// Whether a drive that says this is ready to be enabled, or is enabled.
+fn is_ready(statusword: u16) -> bool {
+    let ready = [
+        cia402::State::ReadyToSwitchOn,
+        cia402::State::SwitchedOn,
+        cia402::State::OperationEnabled,
+    ];
+    let state = Statusword(statusword).state();
+    state.is_some_and(|state| ready.contains(&state))
 }
 
 /// The states that may follow one, by the drawing in `docs/design.md`.
@@ -76,16 +94,16 @@ impl Transitions {
         }
         if now >= 3 && before < 3 {
             // All are ready before any is enabled.
-            let unready = scene.drives.iter().position(|drive| {
-                let state = Statusword(drive.statusword.unwrap_or_default()).state();
-                let ready = [
-                    cia402::State::ReadyToSwitchOn,
-                    cia402::State::SwitchedOn,
-                    cia402::State::OperationEnabled,
-                ];
-                drive.statusword.is_some() && !state.is_some_and(|state| ready.contains(&state))
+            let says_so = |it: &DriveScene| it.statusword.is_some_and(|it| !is_ready(it));
+            let unready = scene.drives.iter().position(says_so);
+            let unready = unready.filter(|_| !scene.is_disturbed(1.0));
+            // Whatever happened to drives: who says for a while that it is not ready, and is heard, is known to be so.
+            let mut waited_for = self.unready.iter().map(|(unready, heard)| {
+                let cycles = |at| scene.since(at) / scene.period();
+                unready.is_some_and(|at| cycles(at) > WAITED_FOR) && cycles(*heard) < WAITED_FOR
             });
-            if let Some(unready) = unready.filter(|_| !scene.is_disturbed(1.0)) {
+            let waited_for = waited_for.position(|it| it).filter(|_| is_calm(scene));
+            if let Some(unready) = unready.or(waited_for) {
                 found.violate(
                     NAME,
                     scene,
@@ -141,6 +159,15 @@ impl Transitions {
 
 impl Checker for Transitions {
     fn frame(&mut self, scene: &Scene<'_>, bus: usize, sent: &Transmission, found: &mut Found) {
+        if let Some(drive) = scene.told_status
+            && let Some(word) = scene.drives[drive].statusword
+        {
+            self.unready
+                .resize(scene.drives.len(), (None, Instant::ZERO));
+            let (unready, heard) = &mut self.unready[drive];
+            *unready = (!is_ready(word)).then(|| unready.unwrap_or(scene.now));
+            *heard = scene.now;
+        }
         if sent.sender != Sender::Port {
             return;
         }

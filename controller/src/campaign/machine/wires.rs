@@ -67,6 +67,11 @@ impl Wire {
         self.table == "input" && !self.signal.starts_with(ANALOG_INPUT)
     }
 
+    /// Whether the path is held while it is on: a door, or an operator's input.
+    pub(in super::super) fn holds(&self) -> bool {
+        INPUTS[..2].contains(&&self.meaning[..])
+    }
+
     /// Whether the drives may be enabled while it is on alone.
     pub(in super::super) fn is_enable(&self) -> bool {
         self.meaning == ENABLE
