@@ -608,21 +608,21 @@ impl<const N: usize> Controller<N> {
             return;
         };
         let node = &mut self.nodes[drive];
-        if *echo {
-            // What was on its way when SYNC was due has left before it; behind SYNC its echo would
-            // come later than by its own length.
+        // What was on its way when SYNC was due has left before it; behind SYNC it would come later than by its own length.
+        let in_time = || {
             let bits = worst_case_bits(frame.id(), frame.dlc());
             let own = bit_time(bits, self.layout.buses[bus].bit_rate);
-            let in_time = self.sync_sent.is_none_or(|sync| *at <= sync + own);
-            if in_time && node.r_pdos().iter().any(|sent| sent.id() == frame.id()) {
+            self.sync_sent.is_none_or(|sync| *at <= sync + own)
+        };
+        if *echo {
+            if in_time() && node.r_pdos().iter().any(|sent| sent.id() == frame.id()) {
                 let unsent = &mut self.misses[bus].unsent;
                 *unsent = unsent.saturating_sub(1);
             }
             return;
         }
         self.lost[bus] = false;
-        let is_before_sync = self.sync_sent.is_none_or(|sync| *at <= sync);
-        self.misses[bus].answered |= is_before_sync && node.is_answer(frame);
+        self.misses[bus].answered |= node.is_answer(frame) && in_time();
         let mut events = event_sink(&mut self.events);
         let outcome = node.receive(*at, frame, self.sync_sent, &mut events);
         drop(events);

@@ -71,7 +71,11 @@ impl SetpointMisses {
     /// have already.
     pub(super) fn has_missed(&mut self) -> bool {
         let (unsent, answered) = (take(&mut self.unsent), take(&mut self.answered));
-        unsent > 0 && !(answered && self.repeats)
+        let has_missed = unsent > 0 && !(answered && self.repeats);
+        if has_missed {
+            self.forget_burst();
+        }
+        has_missed
     }
 
     /// Counts a miss in `cycle`: one is tolerated; two in a row, or three in 1,000 cycles, are
@@ -125,13 +129,18 @@ mod tests {
             misses.has_missed()
         };
         assert!(missed([1, 2], false, true, 1), "the first is another");
-        assert!(!missed([1, 2], false, true, 1));
+        assert!(
+            missed([1, 2], false, true, 1),
+            "the one before has not come"
+        );
         assert!(!missed([1, 2], false, false, 0));
-        assert!(missed([1, 2], false, false, 1));
+        assert!(!missed([1, 2], false, true, 1));
+        assert!(missed([1, 2], false, false, 1), "nothing was in its way");
+        assert!(!missed([1, 2], false, false, 0));
         assert!(missed([1, 3], false, true, 2), "an output of it changes");
-        assert!(!missed([1, 3], false, true, 2));
+        assert!(!missed([1, 3], false, false, 0));
         assert!(missed([1, 3], true, true, 1), "in motion");
-        assert!(missed([1, 3], false, true, 1), "the first at rest");
+        assert!(!missed([1, 3], false, false, 0));
         assert!(!missed([1, 3], false, true, 1));
         misses.forget_burst();
         misses.keep(&[1, 3].map(frame), false);

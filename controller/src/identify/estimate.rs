@@ -171,8 +171,8 @@ pub enum NotEstimated {
     },
     /// All of its motion is alike.
     #[error(
-        "inertia, friction and gravity cannot be told apart in a motion of no more than {speed:.3} per second: the log needs \
-         motion in both directions, at several speeds, that takes torque to speed up"
+        "inertia, friction and gravity cannot be told apart: the log needs motion in both directions, at several speeds, that \
+         takes torque to speed up; it goes no faster than {speed:.3} mm/s or °/s"
     )]
     Alike {
         /// The greatest speed of the setpoints, mm/s or °/s.
@@ -216,7 +216,10 @@ pub fn estimate(samples: &[AxisSample], shaft: &Shaft) -> Result<Estimate, NotEs
         let speed = steps.fold(0.0, f64::max) / shaft.radians.abs() / shaft.cycle;
         return Err(NotEstimated::Alike { speed });
     };
-    if inertia.value < -inertia.uncertainty {
+    let is_below_nothing = |it: Figure| it.value < -it.uncertainty;
+    if is_below_nothing(inertia)
+        || (is_below_nothing(friction) && !inertia.differs_from_nothing())
+    {
         let inertia = inertia.value;
         return Err(NotEstimated::Backwards { inertia });
     }

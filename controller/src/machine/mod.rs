@@ -530,7 +530,7 @@ impl Machine {
         self.nodes().nth(index).expect("an index of a device")
     }
 
-    /// Has the drives of an axis that can tell their torque with their positions, which makes room for it in every cycle.
+    /// Has those drives of an axis that can tell their torque do so with their positions, which makes room for it in every cycle.
     pub fn tell_torque(&mut self, axis: usize) {
         for &drive in &self.axes[axis].drives {
             let drive = &mut self.drives[drive];

@@ -59,7 +59,8 @@ pub trait BusNode {
     /// Time has reached [`BusNode::deadline`]. Afterwards the deadline lies after `now`.
     fn poll(&mut self, now: Instant, tx: &mut dyn Transmit);
 
-    /// When the node wants to be polled next.
+    /// When the node wants to be polled next. Frames, polls and disturbances may bring that forward, and what mechanics do to its
+    /// shaft may not: a [`World`](crate::world::World) asks again only where something happens on the bus.
     fn deadline(&self) -> Option<Instant>;
 }
 

@@ -4,7 +4,7 @@
 //! By how much an encoder is off is known from what happened to its coupling.
 
 use super::super::interference::{Interference, ToDrive};
-use super::reactions::{SILENT, is_calm, is_up};
+use super::reactions::{SILENT, is_up};
 use super::{Checker, Found, Scene};
 use crate::control::{self, Fault, Phase, fault::AxisCause};
 use crate::session::Event;
@@ -102,7 +102,9 @@ impl Checker for Encoders {
             watched.silent += 1;
             if !is_up(scene.state) || scene.faulted {
                 watched.silent = 0;
-            } else if watched.silent > scene.misses(drives + place) + SILENT && is_calm(scene) {
+            } else if watched.silent > scene.misses(drives + place) + SILENT
+                && scene.buses_are_sound()
+            {
                 watched.silent = 0;
                 let what = "nothing is done about a silent encoder";
                 found.violate(NAME, scene, what, || spec.name.clone());
@@ -154,7 +156,7 @@ impl Checker for Encoders {
             loses_steps,
             ..
         } = self.0[encoder];
-        if slipped.abs() + margin < limit && !loses_steps && is_calm(scene) {
+        if slipped.abs() + margin < limit && !loses_steps && scene.buses_are_sound() {
             let what = "an encoder is said to disagree that does not";
             found.violate(NAME, scene, what, || {
                 format!("it has slipped by {slipped} mm: {event:?}")
@@ -184,7 +186,7 @@ impl Checker for Encoders {
             if !is_over || !is_compared || !is_up(scene.state) || scene.faulted {
                 watched.since = None;
             } else if scene.since(*watched.since.get_or_insert(scene.now)) > in_time
-                && is_calm(scene)
+                && scene.buses_are_sound()
             {
                 let what = "nothing is done about an encoder that disagrees";
                 found.violate(NAME, scene, what, || {

@@ -4,7 +4,7 @@
 //! Which states of a program the outputs may be in is kept as a set, as several may look alike. From one of them it
 //! goes on to a later one that looks as the outputs do, over such alone as are too short to be seen.
 
-use super::super::interference::{Interference, ToDrive};
+use super::super::interference::Interference;
 use super::super::machine::FASTEST;
 use super::scene::NOISE;
 use super::script::{Reading, Script, Switched};
@@ -366,7 +366,8 @@ impl Outputs {
             let behind = &job.script.steps[at..];
             at == last || behind[1..].iter().all(|step| step.lasts < SHORT * cycle)
         };
-        let is_judged = outcome == Outcome::Finished && is_calm(scene) && !job.script.is_open;
+        let is_judged =
+            outcome == Outcome::Finished && scene.bursts_are_on_time() && !job.script.is_open;
         for (group, at) in job.at.iter().enumerate() {
             let looks = |from: usize| {
                 let behind = &job.script.steps[from..];
@@ -434,7 +435,7 @@ impl Outputs {
                 output.is_by_hand.is_some() || output.latched.is_none_or(is_right)
             })
         };
-        let (cycle, calm) = (scene.period(), is_calm(scene));
+        let (cycle, calm) = (scene.period(), scene.bursts_are_on_time());
         let steps = &job.script.steps;
         let mut reached: Vec<(usize, Instant)> = Vec::new();
         for &(from, since) in &job.at[group] {
@@ -463,7 +464,7 @@ impl Outputs {
 
     /// Whether a group may have come behind the last state that is known.
     fn may_be_behind(&self, scene: &Scene<'_>, job: &Job, group: usize) -> bool {
-        let (cycle, calm) = (scene.period(), is_calm(scene));
+        let (cycle, calm) = (scene.period(), scene.bursts_are_on_time());
         let steps = &job.script.steps;
         let mut at = job.at[group].iter();
         job.script.is_open
@@ -530,7 +531,7 @@ impl Outputs {
 
     /// An R_PDO came with an output that is to be safe.
     fn is_safe(&mut self, scene: &Scene<'_>, output: usize, found: &mut Found) {
-        let late = !is_calm(scene);
+        let late = !scene.bursts_are_on_time();
         let it = &mut self.outputs[output];
         if !self.to_be_safe || it.is_by_hand.is_some() {
             return;
@@ -681,17 +682,6 @@ fn units_of(machine: &Machine, drive: &SpindleDrive) -> f64 {
         [0.0, _] => f64::from(of("encoder_increments")) / 60.0,
         [units, rpm] => units / rpm,
     }
-}
-
-/// Nothing has happened that changes when bursts leave.
-pub(super) fn is_calm(scene: &Scene<'_>) -> bool {
-    let mut all = scene.interferences.iter();
-    all.all(|(_, what)| {
-        matches!(
-            what,
-            Interference::StarvePlanner(_) | Interference::Drive(_, ToDrive::Input(..))
-        )
-    })
 }
 
 impl Checker for Outputs {

@@ -7,7 +7,7 @@
 
 use super::super::interference::{Interference, ToBus, ToDrive};
 use super::scene::FOLLOWS;
-use super::{Checker, Found, Scene, outputs};
+use super::{Checker, Found, Scene};
 use crate::control::fault::{AxisCause, BlockCause, BusCause, DeviceCause, SpindleCause};
 use crate::control::{self, Fault, State};
 use crate::machine::Machine;
@@ -173,17 +173,6 @@ pub(super) fn is_up(state: State) -> bool {
     matches!(state, Ready | Homing | Jogging | Mdi | Running | Held)
 }
 
-/// Nothing has happened to buses or to the host.
-pub(super) fn is_calm(scene: &Scene<'_>) -> bool {
-    let mut all = scene.interferences.iter();
-    all.all(|(_, what)| {
-        matches!(
-            what,
-            Interference::Drive(..) | Interference::Slip(..) | Interference::StarvePlanner(_)
-        )
-    })
-}
-
 impl Reactions {
     pub(super) fn new(machine: &Machine) -> Self {
         Self {
@@ -205,7 +194,7 @@ impl Reactions {
         let up = scene.since(scene.state_since);
         let lasts = |since: Instant| scene.since(since).min(up);
         let forbids = |(_, since): &&((usize, u8), Instant)| {
-            lasts(*since) > DISABLES * scene.period() && outputs::is_calm(scene)
+            lasts(*since) > DISABLES * scene.period() && scene.bursts_are_on_time()
         };
         if let Some(((device, place), since)) = self.forbids.iter().find(forbids) {
             let what = "nothing is done about an enable that is off";
@@ -325,7 +314,8 @@ impl Reactions {
             Subject::Axis(axis) => scene.machine.axes[axis].drives.first().copied(),
             _ => None,
         };
-        let (Some((first, drive)), Some(told), true) = (first, told, is_calm(scene)) else {
+        let (Some((first, drive)), Some(told), true) = (first, told, scene.buses_are_sound())
+        else {
             return;
         };
         let same = scene.machine.drives[drive].axis == scene.machine.drives[told].axis;
@@ -354,7 +344,7 @@ impl Reactions {
             let (since, frames) = (*since, *frames);
             if !follows || !is_up(self.state) {
                 watched.shows = None;
-            } else if frames >= IN_TIME && is_calm(scene) {
+            } else if frames >= IN_TIME && scene.buses_are_sound() {
                 watched.shows = None;
                 found.violate(
                     NAME,
@@ -385,7 +375,7 @@ impl Reactions {
         if !follows || wrong.is_some() {
             watched.awaited = None;
         }
-        if let Some(what) = wrong.filter(|_| is_calm(scene)) {
+        if let Some(what) = wrong.filter(|_| scene.buses_are_sound()) {
             found.violate(NAME, scene, what, || {
                 format!("drive {name} is told {word:04X}h, {frames} R_PDOs after: {fault}")
             });
@@ -418,7 +408,7 @@ impl Checker for Reactions {
             watched.silent += 1;
             if !is_to || !is_up(self.state) {
                 watched.silent = 0;
-            } else if watched.silent > allowed && is_calm(scene) {
+            } else if watched.silent > allowed && scene.buses_are_sound() {
                 watched.silent = 0;
                 found.violate(NAME, scene, "nothing is done about a silent drive", || {
                     scene.machine.drives[drive].name.clone()
@@ -491,7 +481,7 @@ impl Checker for Reactions {
 
     fn woken(&mut self, scene: &Scene<'_>, found: &mut Found) {
         for (drive, watched) in self.drives.iter_mut().enumerate() {
-            if let Some(fault) = watched.left.take().filter(|_| is_calm(scene)) {
+            if let Some(fault) = watched.left.take().filter(|_| scene.buses_are_sound()) {
                 let what = "a drive is taken off the path while it moves";
                 let name = &scene.machine.drives[drive].name;
                 found.violate(NAME, scene, what, || {

@@ -433,6 +433,26 @@ impl<'a> Scene<'a> {
         is_sync
     }
 
+    /// Nothing has happened to buses or to the host.
+    pub(super) fn buses_are_sound(&self) -> bool {
+        self.interferences.iter().all(|(_, what)| {
+            matches!(
+                what,
+                Interference::Drive(..) | Interference::Slip(..) | Interference::StarvePlanner(_)
+            )
+        })
+    }
+
+    /// Nothing has happened that changes when bursts leave.
+    pub(super) fn bursts_are_on_time(&self) -> bool {
+        self.interferences.iter().all(|(_, what)| {
+            matches!(
+                what,
+                Interference::StarvePlanner(_) | Interference::Drive(_, ToDrive::Input(..))
+            )
+        })
+    }
+
     pub(super) fn interfered(&mut self, what: &Interference) {
         if let Interference::Drive(drive, ToDrive::Input(place, _)) = *what {
             let mut wires = self.case.machine.wires();

@@ -12,7 +12,6 @@
 use super::super::interference::{Interference, ToDrive};
 use super::super::stage::Played;
 use super::carriage::taken_up;
-use super::outputs::is_calm;
 use super::{Checker, Found, Scene};
 use crate::control::{self, State};
 use crate::session::{Command, Event, Jog};
@@ -178,13 +177,7 @@ impl Stops {
                     *since = scene.now;
                 }
             }
-            Command::EndJog(_)
-            | Command::JogStep(_)
-            | Command::FeedOverride(_)
-            | Command::RapidOverride(_)
-            | Command::SingleBlock(_)
-            | Command::OptionalStop(_)
-            | Command::Load(_) => {}
+            ref other if moves_nothing(other) => {}
             _ => self.jog = None,
         }
     }
@@ -202,7 +195,7 @@ impl Stops {
         match (known, on) {
             (None, true) => {
                 self.holding.push((device, place));
-                if is_calm(scene) && may_move(scene.state) {
+                if scene.bursts_are_on_time() && may_move(scene.state) {
                     self.begin(scene, INPUT);
                 }
             }
@@ -215,6 +208,21 @@ impl Stops {
             _ => {}
         }
     }
+}
+
+/// Whether a command sets nothing in motion that rests, nor stops what moves.
+fn moves_nothing(command: &Command) -> bool {
+    matches!(
+        command,
+        Command::RenewJog(_)
+            | Command::EndJog(_)
+            | Command::JogStep(_)
+            | Command::FeedOverride(_)
+            | Command::RapidOverride(_)
+            | Command::SingleBlock(_)
+            | Command::OptionalStop(_)
+            | Command::Load(_)
+    )
 }
 
 /// Whether an operator's feed hold does something.
@@ -271,7 +279,7 @@ impl Checker for Stops {
             }
             _ => 0.0,
         };
-        if !is_calm(scene) {
+        if !scene.bursts_are_on_time() {
             // It may not have been heard of.
             self.end(scene, |stop| stop.cause == INPUT);
             self.jog = None;
@@ -306,6 +314,7 @@ impl Checker for Stops {
                     Command::SwitchOff => self.begin(scene, "switch off"),
                     Command::FeedHold => self.begin(scene, "feed hold"),
                     Command::Reset | Command::Enable => self.end(scene, |_| true),
+                    ref other if moves_nothing(other) => {}
                     _ => self.set_in_motion(scene),
                 }
             }

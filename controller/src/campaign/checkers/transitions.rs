@@ -1,7 +1,6 @@
 //! What may follow what: states of the session, controlwords, NMT commands.
 
 use super::super::interference::{Interference, ToBus};
-use super::reactions::is_calm;
 use super::scene::DriveScene;
 use super::{Checker, Found, Scene};
 use crate::control::State;
@@ -102,7 +101,9 @@ impl Transitions {
                 let cycles = |at| scene.since(at) / scene.period();
                 unready.is_some_and(|at| cycles(at) > WAITED_FOR) && cycles(*heard) < WAITED_FOR
             });
-            let waited_for = waited_for.position(|it| it).filter(|_| is_calm(scene));
+            let waited_for = waited_for
+                .position(|it| it)
+                .filter(|_| scene.buses_are_sound());
             if let Some(unready) = unready.or(waited_for) {
                 found.violate(
                     NAME,

@@ -34,12 +34,9 @@ pub struct Wire {
 
 /// What at most one input of a machine means, each. An enable is on while nothing is connected, as a closed
 /// contact is.
-pub(super) const INPUTS: [&str; 4] = [
-    "function = \"door\"\ndebounce_ms = 20",
-    "function = \"feed_hold\"",
-    "function = \"cycle_start\"",
-    ENABLE,
-];
+pub(super) const INPUTS: [&str; 4] = [DOOR, FEED_HOLD, "function = \"cycle_start\"", ENABLE];
+const DOOR: &str = "function = \"door\"\ndebounce_ms = 20";
+const FEED_HOLD: &str = "function = \"feed_hold\"";
 const ENABLE: &str = "function = \"enable\"\nactive_low = true";
 
 /// What the names of analog inputs begin with.
@@ -69,7 +66,7 @@ impl Wire {
 
     /// Whether the path is held while it is on: a door, or an operator's input.
     pub(in super::super) fn holds(&self) -> bool {
-        INPUTS[..2].contains(&&self.meaning[..])
+        [DOOR, FEED_HOLD].contains(&&self.meaning[..])
     }
 
     /// Whether the drives may be enabled while it is on alone.
