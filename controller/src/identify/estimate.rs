@@ -217,8 +217,7 @@ pub fn estimate(samples: &[AxisSample], shaft: &Shaft) -> Result<Estimate, NotEs
         return Err(NotEstimated::Alike { speed });
     };
     let is_below_nothing = |it: Figure| it.value < -it.uncertainty;
-    if is_below_nothing(inertia)
-        || (is_below_nothing(friction) && !inertia.differs_from_nothing())
+    if is_below_nothing(inertia) || (is_below_nothing(friction) && !inertia.differs_from_nothing())
     {
         let inertia = inertia.value;
         return Err(NotEstimated::Backwards { inertia });
