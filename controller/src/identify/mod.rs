@@ -586,6 +586,13 @@ impl Identified {
             position_gain,
             margins(&stability.position)
         )?;
+        if self.estimate.swing.is_none() {
+            writeln!(
+                f,
+                "  margins of a load that swings right above {:.0} Hz, where the log shows nothing: those of a stiff one are wider",
+                self.estimate.seen_to_hz
+            )?;
+        }
         if !sdo.is_empty() {
             let entries = sdo.iter().map(|(at, value)| format!("[\"{at}\", {value}]"));
             let entries = entries.collect::<Vec<_>>().join(", ");
