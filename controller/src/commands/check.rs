@@ -94,7 +94,8 @@ impl Args {
                 );
                 let percent = part * 100.0;
                 // What moves at all is not slowed down to nothing.
-                let digits = if percent < 1.0 { 2 } else { 0 };
+                let digits = (0..6).find(|it| percent * 10_f64.powi(*it) >= 1.0);
+                let digits = digits.unwrap_or(6) as usize;
                 println!(
                     "shaper: {arcs}; line {line} to {percent:.digits$} %: by the square root of its tolerance, which is that \
                      of G64 P, or `exact_tolerance`"

@@ -15,7 +15,7 @@ use std::collections::VecDeque;
 use std::io::{self, BufRead, Read};
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use syncline_gcode::AxisLetter;
 
 /// Who the lines come from, in the log.
@@ -23,8 +23,8 @@ const NAME: &str = "lines";
 /// How often it is looked whether a line that waits may begin. A state that a command leads to is seen
 /// by then.
 const LOOK: Duration = Duration::from_millis(20);
-/// Behind an answer, until axes are seen to move that it sets in motion: some cycles.
-const SETTLES: Duration = Duration::from_millis(60);
+/// Behind an answer, until axes are seen to move that it sets in motion, cycles.
+const SETTLES: f64 = 10.0;
 /// Lines that are read ahead.
 const LINES: usize = 64;
 /// The word that asks what stopped the machine, on the screen, too.
@@ -69,7 +69,7 @@ pub(super) fn listen(
         over: false,
         waiting: VecDeque::new(),
         unanswered: 0,
-        busy: Instant::now(),
+        busy: None,
         operator: session.operator(NAME),
         answers: session.subscribe(),
         view: session.view(),
@@ -130,8 +130,8 @@ struct Reader {
     waiting: VecDeque<String>,
     /// Commands that have neither taken effect nor been refused.
     unanswered: usize,
-    /// When an axis moved last, or a command had no answer.
-    busy: Instant,
+    /// When an axis moved last, or a command had no answer or just had it, in the machine's time, s.
+    busy: Option<f64>,
     operator: Operator,
     answers: Subscription,
     view: StatusView,
@@ -199,21 +199,23 @@ impl Reader {
 
     /// Does what may begin now.
     fn go_on(&mut self) -> Result<(), NotTaken> {
+        let status = self.view.get();
         let answers = self.answers.events();
         let answered = answers.filter(|event| event.answers(NAME)).count();
+        if answered > 0 || self.unanswered > 0 || !status.stands() {
+            self.busy = status.time;
+        }
         if answered > 0 {
             // The state that this leads to is seen with the next look.
             self.unanswered = self.unanswered.saturating_sub(answered);
             return Ok(());
         }
-        let status = self.view.get();
-        if self.unanswered > 0 || !status.stands() {
-            self.busy = Instant::now();
-        }
+        let stood = status.time.zip(self.busy).map(|(now, busy)| now - busy);
+        let settles = SETTLES * self.machine.cycle.as_secs_f64();
         let rests = match status.state {
             State::Ready | State::Faulted | State::Disabled => true,
             // In mid-program axes are jogged in this state, too.
-            State::Held => self.busy.elapsed() >= SETTLES,
+            State::Held => stood.is_none_or(|stood| stood >= settles),
             _ => false,
         };
         // A jog adds to the one that is under way.

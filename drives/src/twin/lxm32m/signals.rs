@@ -268,7 +268,7 @@ impl Drive {
             .set(rows.inputs_and_outputs, inputs | outputs << PROBE_BITS);
     }
 
-    /// DI0…DI5: capture inputs 1 and 2, LIMP, LIMN, REF, none of these, and what else is wired there, each 1 while active.
+    /// DI0…DI4: capture inputs 1 and 2, LIMP, LIMN and REF; on all six, DI5 among them, what else is wired there. Each 1 while active.
     fn inputs(&self) -> [bool; 6] {
         let position = self.carriage();
         let switches = [
