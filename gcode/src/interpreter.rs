@@ -56,6 +56,11 @@ pub struct Interpreter {
     only_read: bool,
     /// What is settled and not handed out.
     pending: VecDeque<Command>,
+    /// Of a compensated contour, whose blocks are settled once those behind them are read: what was in effect in each that is
+    /// not handed out to its end.
+    read_ahead: VecDeque<ReadAhead>,
+    /// Which of these was handed out last.
+    works_on: usize,
     /// Where `pending` leads the machine.
     settled_at: Point,
     executed: u64,
@@ -165,6 +170,8 @@ impl Interpreter {
             reads_over: false,
             only_read: false,
             pending: VecDeque::new(),
+            read_ahead: VecDeque::new(),
+            works_on: 0,
             executed: 0,
             begins_anew: false,
             passed: 0,
@@ -200,12 +207,18 @@ impl Interpreter {
 
     /// The modal state after that block.
     pub fn modes(&self) -> &Modes {
-        &self.state.modes
+        match self.read_ahead.get(self.works_on) {
+            Some(it) => &it.modes,
+            None => &self.state.modes,
+        }
     }
 
     /// How the program's coordinates lie in the machine after that block.
     pub fn coordinates(&self) -> WorkCoordinates {
-        self.state.coordinates()
+        match self.read_ahead.get(self.works_on) {
+            Some(it) => it.coordinates,
+            None => self.state.coordinates(),
+        }
     }
 
     /// The programmed position after that block, machine coordinates.
@@ -411,6 +424,9 @@ impl Interpreter {
             }
             self.idle = 0;
             self.advance()?;
+            if let Some(Command { span, action }) = self.pending.front() {
+                self.come_to(*span, action.destination().is_some());
+            }
             let refuse = |fault| Err(Refusal::new(self.block.columns(), fault));
             let Some(command) = self.pending.front() else {
                 return refuse(Fault::ResumeElsewhere { line });
@@ -491,6 +507,7 @@ impl Interpreter {
         let at = self.state.at;
         let approach = self.state.go_from(start)?;
         self.settled_at = at;
+        self.read_ahead.clear();
         Ok(passed.entry(&begun, at, approach))
     }
 
@@ -678,6 +695,11 @@ impl Interpreter {
             for action in self.actions.drain(..) {
                 compensation.take(action, &origin, &judge, &mut self.pending)?;
             }
+            self.read_ahead.push_back(ReadAhead {
+                span,
+                modes: self.state.modes.clone(),
+                coordinates: self.state.coordinates(),
+            });
             return Ok(());
         }
         for action in self.actions.drain(..) {
@@ -690,6 +712,19 @@ impl Interpreter {
             self.pending.push_back(Command { span, action });
         }
         Ok(())
+    }
+
+    /// A command of that block is handed out. Corners belong to the move before them, and come behind what stands between two
+    /// moves: only with the next move a block is over. Of a block that is not compensated nothing is kept.
+    fn come_to(&mut self, span: Span, moves: bool) {
+        let place = self.read_ahead.iter().position(|it| it.span == span);
+        let over = match place {
+            Some(place) if moves => place,
+            Some(_) => 0,
+            None => self.read_ahead.len(),
+        };
+        self.read_ahead.drain(..over);
+        self.works_on = place.map_or(0, |place| place - over);
     }
 
     /// A call of a subroutine has ended.
@@ -710,6 +745,7 @@ impl Interpreter {
     fn error(&mut self, refusal: Refusal) -> Error {
         self.ended = true;
         self.pending.clear();
+        self.read_ahead.clear();
         let (file, line, block) = match refusal.origin {
             Some(origin) => {
                 let file = self.file(origin.span.file).to_owned();
@@ -748,6 +784,13 @@ impl Interpreter {
     }
 }
 
+/// What is in effect in a block of a compensated contour.
+struct ReadAhead {
+    span: Span,
+    modes: Modes,
+    coordinates: WorkCoordinates,
+}
+
 /// Whether a block begins with an O-word.
 fn is_flow(block: &str) -> bool {
     let words = block.trim_start_matches(['/', ' ', '\t']);
@@ -770,6 +813,7 @@ impl Iterator for Interpreter {
         }
         let command = self.pending.pop_front()?;
         self.passed += 1;
+        self.come_to(command.span, command.action.destination().is_some());
         let (at, does) = match &command.action {
             Action::Rapid { to } | Action::Feed { to, .. } => (*to, *to != self.idle_at),
             Action::Arc { arc, .. } => (arc.to, true),

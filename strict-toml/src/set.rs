@@ -58,15 +58,19 @@ pub fn set(source: &str, setting: &str) -> Result<String, SetError> {
     let document = DeTable::parse(source).map_err(|_| no_place())?;
     let mut table = document.get_ref();
     let mut path = &path[..];
+    let mut way = Way::default();
     while let [key, rest @ ..] = path
-        && let Some(found) = table.get(key.0.as_str())
+        && let Some((found_key, found)) = table.get_key_value(key.0.as_str())
     {
         path = rest;
+        way.header = found_key.span();
+        way.tables.push(&key.1);
         table = match (found.get_ref(), rest) {
             (_, []) => return Ok(replaced(source, found.span(), value)),
             (DeValue::Table(table), _) => table,
             (DeValue::Array(items), [name, rest @ ..]) => {
                 path = rest;
+                way.is_in_list = true;
                 let mut tables = items.iter().filter_map(|item| item.get_ref().as_table());
                 let named = tables.find(|table| {
                     let own = table.get("name").map(|own| own.get_ref().as_str());
@@ -84,7 +88,21 @@ pub fn set(source: &str, setting: &str) -> Result<String, SetError> {
     if path.is_empty() {
         return Err(SetError::Table(setting.to_owned()));
     }
-    added(source, document.get_ref(), table, path, value).ok_or_else(no_place)
+    let text = added(source, &way, table, path, value).ok_or_else(no_place)?;
+    // Where the place that was found is none.
+    DeTable::parse(&text).map_err(|_| no_place())?;
+    Ok(text)
+}
+
+/// How a key leads to a table.
+#[derive(Debug, Default)]
+struct Way<'s> {
+    /// The tables on it, as they are written.
+    tables: Vec<&'s str>,
+    /// One of them is of a list.
+    is_in_list: bool,
+    /// Where the last one is named.
+    header: Range<usize>,
 }
 
 /// A part of a key: its name, and how it is written.
@@ -114,28 +132,37 @@ fn replaced(source: &str, place: Range<usize>, value: &str) -> String {
     format!("{before}{value}{behind}")
 }
 
-/// The text with what is left of a key in a table of it; `None` where that has no line or braces to add it to.
+/// The text with what is left of a key in a table of it; `None` where that has no place to add it to.
 fn added(
     source: &str,
-    document: &DeTable<'_>,
+    way: &Way<'_>,
     table: &DeTable<'_>,
     path: &[Part],
     value: &str,
 ) -> Option<String> {
     let written: Vec<&str> = path.iter().map(|(_, written)| &written[..]).collect();
-    if std::ptr::eq(document, table) {
-        let (last, tables) = written.split_last()?;
-        return Some(match tables {
-            [] => format!("{last} = {value}\n{source}"),
-            _ => format!("{source}\n[{}]\n{last} = {value}\n", tables.join(".")),
-        });
-    }
-    // In front of its first key, which may not be that of a table of its own.
     let key = written.join(".");
     let keys = table.iter().map(|(key, _)| key.span().start);
-    let first = keys.min()?;
+    let first = keys.filter(|at| !is_in_header(source, *at)).min();
+    let Some(first) = first.filter(|_| !way.tables.is_empty()) else {
+        if table.is_empty() && !way.tables.is_empty() {
+            return added_to_empty(source, way, &key, value);
+        }
+        // Nothing of it stands in a table of its own: that is at the top, or named by the headers of others alone.
+        let (last, tables) = written.split_last()?;
+        let tables = [&way.tables, tables].concat();
+        return match &tables[..] {
+            _ if way.is_in_list => None,
+            [] => Some(format!("{last} = {value}\n{source}")),
+            _ => Some(format!(
+                "{source}\n[{}]\n{last} = {value}\n",
+                tables.join(".")
+            )),
+        };
+    };
+    // In front of its first key, which may not be that of a table of its own.
     let before = source.get(..first)?;
-    let line = before.rfind('\n').map_or(0, |newline| newline + 1);
+    let line = line_of(source, first);
     // What leads there in the key itself: `simulation.` of `simulation.load = 2`.
     let opened = before[line..].rfind(['{', ',']);
     let begin = opened.map_or(line, |opened| line + opened + 1);
@@ -150,22 +177,56 @@ fn added(
     })
 }
 
+/// The same where the table has no key: behind its header, or in its braces.
+fn added_to_empty(source: &str, way: &Way<'_>, key: &str, value: &str) -> Option<String> {
+    let behind = source.get(way.header.end..)?;
+    let (at, text) = if is_in_header(source, way.header.start) {
+        let end = behind.find('\n').unwrap_or(behind.len());
+        (end, format!("\n{key} = {value}"))
+    } else {
+        (behind.find('{')? + 1, format!(" {key} = {value} "))
+    };
+    let at = way.header.end + at;
+    Some(replaced(source, at..at, &text))
+}
+
+/// Where the line begins.
+fn line_of(source: &str, at: usize) -> usize {
+    source[..at].rfind('\n').map_or(0, |newline| newline + 1)
+}
+
+/// Whether a name stands in the header of a table.
+fn is_in_header(source: &str, at: usize) -> bool {
+    let before = source[line_of(source, at)..at].trim_start();
+    before.starts_with('[') && !before.contains(['{', '='])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
 
     const TEXT: &str = "top = 1\n\n[machine]\nname = \"m\"  # é\n\n[[axis]]\nname = \"X\"\nmax = 1.5\n\
-                        simulation = { load = 2.0 }\n\n[[axis]]\nname = \"the Y\"\n\n[axis.simulation]\nload = 3\n";
+                        simulation = { load = 2.0 }\n\n[[axis]]\nname = \"the Y\"\n\n[axis.simulation]\nload = 3\n\n\
+                        [model.tlc]\nlag = 1\n\n[[simulation.workpiece]]\nname = \"w\"\n\n[probing]\n\n\
+                        [model.empty]  # { none }\n\n[braces]\none = {}\n";
 
     /// Settings, and where they lead in the text's tables.
-    const SETTINGS: [(&str, &str); 19] = [
+    const SETTINGS: [(&str, &str); 27] = [
         ("top=2", "top"),
         ("new = 'a'", "new"),
         ("machine.name=\"n\"", "machine.name"),
         ("machine.cycle_us=2000", "machine.cycle_us"),
         ("path.exact=0.1", "path.exact"),
         ("model.lxm32m.delay=2", "model.lxm32m.delay"),
+        ("model.tsp.delay=5", "model.tsp.delay"),
+        ("model.tsp.lag=6", "model.tsp.lag"),
+        ("model.empty.delay=5", "model.empty.delay"),
+        ("model.tlc.lag=2", "model.tlc.lag"),
+        ("simulation.ball=3", "simulation.ball"),
+        ("probing.over=2", "probing.over"),
+        ("braces.one.key='b'", "braces.one.key"),
+        ("braces.one.two.key=7", "braces.one.two.key"),
         ("axis.X.max=9e3", "axis.0.max"),
         ("axis.X.min=[1, 2]", "axis.0.min"),
         ("axis.X.simulation.load=9", "axis.0.simulation.load"),

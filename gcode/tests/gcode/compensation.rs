@@ -1,8 +1,10 @@
 //! Cutter compensation: words, joints, refusals, and proof by an independent sweep of the tool.
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use syncline_gcode::{Setup, Tool};
+use proptest::prelude::*;
+use syncline_gcode::{Interpreter, Setup, Tool};
 
 use super::listing::{listing_with, places, refusals_with, run_with, xyz};
 
@@ -213,5 +215,61 @@ fn no_cycle_goes_on_along_a_contour() {
             let error = run_with(xyz(), &format!("{begun}\nM8\nG1 X10\nG40 G1 X20 Y20\nM2"));
             assert!(error.is_ok(), "{error:?}");
         }
+    }
+}
+
+/// What is in effect at each command, by its line, with where the work lies.
+fn in_effect(program: &str) -> BTreeMap<u32, Vec<String>> {
+    let mut interpreter = Interpreter::from_text("part.ngc", program, with_cutters());
+    let mut lines = BTreeMap::<_, Vec<_>>::new();
+    while let Some(command) = interpreter.next() {
+        let command = command.unwrap_or_else(|error| panic!("{error}\n{program}"));
+        let modes = interpreter.modes().to_string();
+        // Without the code of compensation itself.
+        let modes = modes.replace("G41.1", "G40").replace("G42.1", "G40");
+        let told = format!("{modes} {:?}", interpreter.coordinates());
+        let of_line = lines.entry(command.span.line).or_default();
+        if of_line.last() != Some(&told) {
+            of_line.push(told);
+        }
+    }
+    lines
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(200) })]
+
+    /// A compensated block is known with the one behind it, and what is in effect in it is what stands in it.
+    #[test]
+    fn what_is_in_effect_in_a_block_does_not_come_from_the_next(
+        blocks in prop::collection::vec(
+            (5.0..20.0_f64, -10.0..10.0_f64, any::<bool>(), any::<bool>(), prop::option::of(100..2000_u32), 0..6_usize), 1..12,
+        ),
+        is_right: bool,
+    ) {
+        // From the side on which the tool goes, and back to it.
+        let (on, aside) = if is_right { ("G42.1 D1", -1.0) } else { ("G41.1 D1", 1.0) };
+        let mut lines = format!("G21 G17 G90 F600\nG0 X0 Y{}\n", 20.0 * aside);
+        lines += &format!("{on} G1 X0 Y0\n");
+        let mut at = [0.0, 0.0];
+        for (x, y, is_relative, is_rapid, feed, beside) in blocks {
+            at = [at[0] + x, at[1] + y];
+            let to = if is_relative { [x, y] } else { at };
+            let _ = write!(lines, "G9{} G{} X{:.6} Y{:.6}", u8::from(is_relative), u8::from(!is_rapid), to[0], to[1]);
+            if let Some(feed) = feed {
+                let _ = write!(lines, " F{feed}");
+            }
+            lines += match beside {
+                0 => "\nM8\n",
+                1 => "\nS500 M3\n",
+                2 => "\nG64 P0.02\n",
+                3 => "\nF333\n",
+                4 => "\nM0\n",
+                _ => "\n",
+            };
+        }
+        let _ = write!(lines, "G90 G40 G1 X{:.6} Y{:.6}\nG55 G0 X0\nM2\n", at[0] + 5.0, at[1] + 60.0 * aside);
+        let plain = lines.replace(on, "");
+        prop_assert_eq!(in_effect(&lines), in_effect(&plain), "{}", lines);
     }
 }
