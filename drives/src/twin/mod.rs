@@ -13,6 +13,7 @@
 //! - [`cia402`]: the state machine of a drive
 //! - [`servo`]: cascade, clock, encoder, shaft, ramps
 //! - [`random`]: seeded randomness for noise, delays and oscillators
+//! - `rounding`: numbers to whole ones
 //!
 //! A twin is a [`BusNode`](crate::bus::BusNode): put it on a [`SimBus`](crate::bus::SimBus) or into a
 //! [`World`](crate::world::World), or feed it the frames of a real bus. It computes in `f64` with
