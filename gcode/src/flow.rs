@@ -48,6 +48,16 @@ enum Kind {
     },
 }
 
+/// Whether a block begins with an O-word.
+pub(super) fn is_flow(block: &str) -> bool {
+    let words = block.trim_start_matches(['/', ' ', '\t']);
+    let words = match words.strip_prefix(['N', 'n']) {
+        Some(number) => number.trim_start_matches(|c: char| c == ' ' || c.is_ascii_digit()),
+        None => words,
+    };
+    words.starts_with(['O', 'o'])
+}
+
 impl Kind {
     /// The statement that ends it.
     fn end(self) -> Statement {

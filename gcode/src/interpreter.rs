@@ -15,12 +15,13 @@ use super::coordinates::WorkCoordinates;
 use super::entry::{Answer, Entry, InEffect, Passed, Place};
 use super::error::{Error, Fault, Origin, Refusal};
 use super::execute::{Continuation, State};
-use super::flow::{At, Control};
+use super::flow::{At, Control, is_flow};
 use super::lexer::Columns;
 use super::memory::Memory;
 use super::modal::Modes;
 use super::parameters::{INPUT_RESULT, InputResult};
 use super::probe::Probed;
+use super::read_ahead::{InBlock, ReadAhead};
 use super::source::{self, Input, Lines, MAX_LINE, Read1};
 use super::tables::Tables;
 
@@ -56,11 +57,7 @@ pub struct Interpreter {
     only_read: bool,
     /// What is settled and not handed out.
     pending: VecDeque<Command>,
-    /// Of a compensated contour, whose blocks are settled once those behind them are read: what was in effect in each that is
-    /// not handed out to its end.
-    read_ahead: VecDeque<ReadAhead>,
-    /// Which of these was handed out last.
-    works_on: usize,
+    read_ahead: ReadAhead,
     /// Where `pending` leads the machine.
     settled_at: Point,
     executed: u64,
@@ -170,8 +167,7 @@ impl Interpreter {
             reads_over: false,
             only_read: false,
             pending: VecDeque::new(),
-            read_ahead: VecDeque::new(),
-            works_on: 0,
+            read_ahead: ReadAhead::default(),
             executed: 0,
             begins_anew: false,
             passed: 0,
@@ -207,18 +203,14 @@ impl Interpreter {
 
     /// The modal state after that block.
     pub fn modes(&self) -> &Modes {
-        match self.read_ahead.get(self.works_on) {
-            Some(it) => &it.modes,
-            None => &self.state.modes,
-        }
+        let ahead = self.read_ahead.at_work();
+        ahead.map_or(&self.state.modes, |it| &it.modes)
     }
 
     /// How the program's coordinates lie in the machine after that block.
     pub fn coordinates(&self) -> WorkCoordinates {
-        match self.read_ahead.get(self.works_on) {
-            Some(it) => it.coordinates,
-            None => self.state.coordinates(),
-        }
+        let ahead = self.read_ahead.at_work();
+        ahead.map_or_else(|| self.state.coordinates(), |it| it.coordinates)
     }
 
     /// The programmed position after that block, machine coordinates.
@@ -424,8 +416,8 @@ impl Interpreter {
             }
             self.idle = 0;
             self.advance()?;
-            if let Some(Command { span, action }) = self.pending.front() {
-                self.come_to(*span, action.destination().is_some());
+            if let Some(command) = self.pending.front() {
+                self.read_ahead.come_to(command);
             }
             let refuse = |fault| Err(Refusal::new(self.block.columns(), fault));
             let Some(command) = self.pending.front() else {
@@ -695,11 +687,7 @@ impl Interpreter {
             for action in self.actions.drain(..) {
                 compensation.take(action, &origin, &judge, &mut self.pending)?;
             }
-            self.read_ahead.push_back(ReadAhead {
-                span,
-                modes: self.state.modes.clone(),
-                coordinates: self.state.coordinates(),
-            });
+            self.read_ahead.push(InBlock::new(span, &self.state));
             return Ok(());
         }
         for action in self.actions.drain(..) {
@@ -712,19 +700,6 @@ impl Interpreter {
             self.pending.push_back(Command { span, action });
         }
         Ok(())
-    }
-
-    /// A command of that block is handed out. Corners belong to the move before them, and come behind what stands between two
-    /// moves: only with the next move a block is over. Of a block that is not compensated nothing is kept.
-    fn come_to(&mut self, span: Span, moves: bool) {
-        let place = self.read_ahead.iter().position(|it| it.span == span);
-        let over = match place {
-            Some(place) if moves => place,
-            Some(_) => 0,
-            None => self.read_ahead.len(),
-        };
-        self.read_ahead.drain(..over);
-        self.works_on = place.map_or(0, |place| place - over);
     }
 
     /// A call of a subroutine has ended.
@@ -784,23 +759,6 @@ impl Interpreter {
     }
 }
 
-/// What is in effect in a block of a compensated contour.
-struct ReadAhead {
-    span: Span,
-    modes: Modes,
-    coordinates: WorkCoordinates,
-}
-
-/// Whether a block begins with an O-word.
-fn is_flow(block: &str) -> bool {
-    let words = block.trim_start_matches(['/', ' ', '\t']);
-    let words = match words.strip_prefix(['N', 'n']) {
-        Some(number) => number.trim_start_matches(|c: char| c == ' ' || c.is_ascii_digit()),
-        None => words,
-    };
-    words.starts_with(['O', 'o'])
-}
-
 impl Iterator for Interpreter {
     type Item = Result<Command, Error>;
 
@@ -813,7 +771,7 @@ impl Iterator for Interpreter {
         }
         let command = self.pending.pop_front()?;
         self.passed += 1;
-        self.come_to(command.span, command.action.destination().is_some());
+        self.read_ahead.come_to(&command);
         let (at, does) = match &command.action {
             Action::Rapid { to } | Action::Feed { to, .. } => (*to, *to != self.idle_at),
             Action::Arc { arc, .. } => (arc.to, true),

@@ -40,6 +40,7 @@ mod parameters;
 mod parser;
 mod probe;
 mod rational;
+mod read_ahead;
 mod saved;
 mod source;
 mod spline;
