@@ -442,13 +442,15 @@ fn long_turn(devices: usize, transfers: usize, cycle: Duration) -> Option<Durati
     (devices > transfers && turn > LONGEST_TURN).then_some(turn)
 }
 
+/// A bus's nodes, each with its index among all.
+fn nodes_of(machine: &Machine, bus: usize) -> impl Iterator<Item = (usize, Node<'_>)> {
+    let nodes = machine.nodes().enumerate();
+    nodes.filter(move |(_, node)| node.bus == bus)
+}
+
 /// A bus's nodes, each with its device.
 fn nodes(machine: &Machine, bus: usize) -> Vec<(Node<'_>, Device)> {
-    let nodes = machine
-        .nodes()
-        .enumerate()
-        .filter(|(_, node)| node.bus == bus);
-    nodes
+    nodes_of(machine, bus)
         .map(|(index, node)| (node, machine.device(index)))
         .collect()
 }
@@ -523,9 +525,8 @@ impl BusBudget {
     #[must_use]
     pub fn smallest_cycle(&self) -> Option<Duration> {
         let machine = &self.machine;
-        let places = machine.nodes().enumerate();
-        let places = places.filter(|(_, node)| node.bus == self.index);
-        let places: Vec<usize> = places.map(|(index, _)| index).collect();
+        let places = nodes_of(machine, self.index).map(|(index, _)| index);
+        let places: Vec<usize> = places.collect();
         // What a device sends in a cycle may depend on that.
         let in_cycle = |cycle: Duration| Traffic {
             bit_rate: self.traffic.bit_rate,
@@ -542,8 +543,7 @@ impl BusBudget {
     /// The least higher bit rate that all its devices take and that fits this cycle.
     fn higher_bit_rate(&self) -> Option<u32> {
         let mut rates = BIT_RATES.iter().copied().filter(|rate| {
-            let nodes = self.machine.nodes().filter(|node| node.bus == self.index);
-            let mut models = nodes.map(|node| node.model);
+            let mut models = nodes_of(&self.machine, self.index).map(|(_, node)| node.model);
             *rate > self.traffic.bit_rate && models.all(|model| model.bitrates.contains(rate))
         });
         let at_rate = |bit_rate| Traffic {

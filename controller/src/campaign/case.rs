@@ -168,10 +168,7 @@ impl Case {
     #[must_use]
     pub fn is_untroubled(&self) -> bool {
         let misleads = |drive, place| {
-            let mut inputs = self.machine.wires();
-            inputs.any(|(of, wire)| {
-                (of, wire.place) == (drive, place) && (wire.is_enable() || wire.is_home())
-            })
+            (self.machine).has_wire(drive, place, |wire| wire.is_enable() || wire.is_home())
         };
         let disturbs = |trouble: &Trouble| match trouble.what {
             Interference::StarvePlanner(_) => false,

@@ -334,8 +334,6 @@ pub struct Identified {
     drives: Vec<String>,
     #[serde(skip)]
     rotary: bool,
-    #[serde(skip)]
-    is_gantry: bool,
 }
 
 /// A key of `[axis.simulation]` with what was found.
@@ -378,7 +376,6 @@ impl Identified {
                 .map_or_else(Vec::new, |motor| subject.keys(&estimate, &motor)),
             estimate,
             rotary: !axis.letter.is_linear(),
-            is_gantry: axis.drives.len() > 1,
         }
     }
 
@@ -449,9 +446,9 @@ impl fmt::Display for Identified {
             self.axis,
             1e3 * torque_delay_s
         )?;
-        let shaft = match self.is_gantry {
-            false => "the motor's shaft",
-            true => "the shaft of each motor, the mean of both",
+        let shaft = match self.drives.len() {
+            1 => "the motor's shaft",
+            _ => "the shaft of each motor, the mean of both",
         };
         writeln!(f, "\nat {shaft}, with 95 %")?;
         for (name, figure, unit) in [

@@ -160,16 +160,19 @@ fn wired(case: &Case, meaning: &str) -> Option<(usize, u8)> {
     })
 }
 
+/// Behind what is seen this is, too, once, in the midst of a program.
+fn also(planting: &mut Planting, seen: &Seen, more: Option<Seen>) -> Vec<Seen> {
+    let more = more.filter(|_| planting.once());
+    [seen.clone()].into_iter().chain(more).collect()
+}
+
 /// In the midst of a program an input comes on that means this.
 fn comes_on(recorded: &Recorded, planting: &mut Planting, seen: &Seen, meaning: &str) -> Vec<Seen> {
-    let mut all = vec![seen.clone()];
-    if let Some((device, place)) = wired(&recorded.case, meaning)
-        && planting.once()
-    {
+    let on = wired(&recorded.case, meaning).map(|(device, place)| {
         let what = ToDrive::Input(place, true);
-        all.push(Seen::Interfered(Interference::Drive(device, what)));
-    }
-    all
+        Seen::Interfered(Interference::Drive(device, what))
+    });
+    also(planting, seen, on)
 }
 
 /// The first drive that is sent velocities.
@@ -633,44 +636,28 @@ const DEFECTS: [(&str, &str, Change); 76] = [
         },
     ),
     ("stops", "a stop that nobody obeys", |_, planting, seen| {
-        let mut all = vec![seen.clone()];
-        if planting.once() {
-            all.push(accepted(Command::Stop));
-        }
-        all
+        also(planting, seen, Some(accepted(Command::Stop)))
     }),
     (
         "stops",
         "a fault in spite of which it goes on",
         |_, planting, seen| {
-            let mut all = vec![seen.clone()];
-            if planting.once() {
-                all.push(event(control::Event::Fault(Fault::Program)));
-            }
-            all
+            also(
+                planting,
+                seen,
+                Some(event(control::Event::Fault(Fault::Program))),
+            )
         },
     ),
     (
         "stops",
         "drives that are to be disabled and go on",
-        |_, planting, seen| {
-            let mut all = vec![seen.clone()];
-            if planting.once() {
-                all.push(accepted(Command::Disable));
-            }
-            all
-        },
+        |_, planting, seen| also(planting, seen, Some(accepted(Command::Disable))),
     ),
     (
         "stops",
         "a feed hold that nobody obeys",
-        |_, planting, seen| {
-            let mut all = vec![seen.clone()];
-            if planting.once() {
-                all.push(accepted(Command::FeedHold));
-            }
-            all
-        },
+        |_, planting, seen| also(planting, seen, Some(accepted(Command::FeedHold))),
     ),
     (
         "stops",
@@ -681,16 +668,12 @@ const DEFECTS: [(&str, &str, Change); 76] = [
         "stops",
         "a jog that nobody renews and that goes on",
         |it, planting, seen| {
-            let mut all = vec![seen.clone()];
-            if planting.once() {
-                let jog = Jog::Continuous {
-                    axis: it.machine.axes[0].letter,
-                    direction: Direction::Positive,
-                    speed: None,
-                };
-                all.push(accepted(Command::Jog(jog)));
-            }
-            all
+            let jog = Jog::Continuous {
+                axis: it.machine.axes[0].letter,
+                direction: Direction::Positive,
+                speed: None,
+            };
+            also(planting, seen, Some(accepted(Command::Jog(jog))))
         },
     ),
     (
@@ -1215,12 +1198,11 @@ const DEFECTS: [(&str, &str, Change); 76] = [
         "reactions",
         "a device that another master stops, and nobody minds",
         |it, planting, seen| {
-            let mut all = vec![seen.clone()];
-            if let Some(first) = it.machine.drives.first().filter(|_| planting.once()) {
+            let stop = it.machine.drives.first().map(|first| {
                 let stop = ToBus::Nmt(2, first.node.get());
-                all.push(Seen::Interfered(Interference::Bus(first.bus, stop)));
-            }
-            all
+                Seen::Interfered(Interference::Bus(first.bus, stop))
+            });
+            also(planting, seen, stop)
         },
     ),
     (
@@ -1232,13 +1214,10 @@ const DEFECTS: [(&str, &str, Change); 76] = [
         "reactions",
         "an I/O node that falls silent, and nobody minds",
         |it, planting, seen| {
-            let mut all = vec![seen.clone()];
             let first = it.machine.drives.len() + it.machine.encoders.len();
-            if !it.case.machine.io_nodes.is_empty() && planting.once() {
-                let mute = Interference::Drive(first, ToDrive::Mute(true));
-                all.push(Seen::Interfered(mute));
-            }
-            all
+            let mute = Seen::Interfered(Interference::Drive(first, ToDrive::Mute(true)));
+            let has_one = !it.case.machine.io_nodes.is_empty();
+            also(planting, seen, has_one.then_some(mute))
         },
     ),
     (

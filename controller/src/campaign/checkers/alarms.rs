@@ -61,10 +61,7 @@ fn suspects(scene: &Scene<'_>) -> Option<Vec<usize>> {
 fn is_borne(scene: &Scene<'_>) -> bool {
     let machine = &scene.case.machine;
     let stops = |device: usize, place: u8| {
-        let mut wires = machine.wires();
-        wires.any(|(of, wire)| {
-            (of, wire.place) == (device, place) && (wire.is_enable() || wire.is_home())
-        })
+        machine.has_wire(device, place, |wire| wire.is_enable() || wire.is_home())
     };
     let mut lost = vec![0; machine.nodes().count()];
     let mut all = scene.interferences.iter();

@@ -6,6 +6,7 @@
 //! enabled, and that a device is silent whatever else happens, or was taken out of Operational, is known from what happened.
 
 use super::super::interference::{Interference, ToBus, ToDrive};
+use super::super::machine::Wire;
 use super::scene::FOLLOWS;
 use super::{Checker, Found, Scene};
 use crate::control::fault::{AxisCause, BlockCause, BusCause, DeviceCause, SpindleCause};
@@ -173,6 +174,12 @@ pub(super) fn is_up(state: State) -> bool {
     matches!(state, Ready | Homing | Jogging | Mdi | Running | Held)
 }
 
+/// Whether an NMT command takes a device out of Operational for good.
+fn takes_down(command: u8) -> bool {
+    let stops = [nmt::Command::Stop, nmt::Command::EnterPreOperational];
+    stops.map(|it| it as u8).contains(&command)
+}
+
 impl Reactions {
     pub(super) fn new(machine: &Machine) -> Self {
         Self {
@@ -219,9 +226,8 @@ impl Reactions {
         let &[command, node] = sent.frame.data() else {
             return;
         };
-        let stops = [nmt::Command::Stop, nmt::Command::EnterPreOperational];
         let is_nmt = sent.frame.id() == CanId::Standard(0) && sent.sender == Sender::Port;
-        if is_nmt && !stops.map(|it| it as u8).contains(&command) {
+        if is_nmt && !takes_down(command) {
             let mut nodes = scene.case.machine.nodes();
             let device = nodes.position(|it| it == (bus, node));
             self.away.retain(|(it, _)| Some(*it) != device);
@@ -232,12 +238,11 @@ impl Reactions {
     fn bus(&mut self, scene: &Scene<'_>, bus: usize, what: ToBus) {
         match what {
             ToBus::Nmt(command, to) => {
-                let stops = [nmt::Command::Stop, nmt::Command::EnterPreOperational];
-                let stops = stops.map(|it| it as u8).contains(&command);
                 for (device, (of, node)) in scene.case.machine.nodes().enumerate() {
                     if of == bus && (to == 0 || to == node) && !scene.is_polled(device) {
                         self.away.retain(|(it, _)| *it != device);
-                        self.away.extend(stops.then_some((device, scene.now)));
+                        self.away
+                            .extend(takes_down(command).then_some((device, scene.now)));
                     }
                 }
             }
@@ -447,15 +452,12 @@ impl Checker for Reactions {
                     watched.followed = false;
                 }
             }
-            ToDrive::Input(place, on) => {
-                let mut wires = machine.wires().filter(|(_, wire)| wire.is_enable());
-                if wires.any(|(of, wire)| (of, wire.place) == (device, place)) {
-                    let is_known = self.forbids.iter().any(|(it, _)| *it == (device, place));
-                    match on {
-                        true if is_known => {}
-                        true => self.forbids.push(((device, place), scene.now)),
-                        false => self.forbids.retain(|(it, _)| *it != (device, place)),
-                    }
+            ToDrive::Input(place, on) if machine.has_wire(device, place, Wire::is_enable) => {
+                let is_known = self.forbids.iter().any(|(it, _)| *it == (device, place));
+                match on {
+                    true if is_known => {}
+                    true => self.forbids.push(((device, place), scene.now)),
+                    false => self.forbids.retain(|(it, _)| *it != (device, place)),
                 }
             }
             ToDrive::Mute(true) if !scene.is_polled(device) => {

@@ -2,6 +2,7 @@
 
 use super::super::case::Case;
 use super::super::interference::{Interference, ToBus, ToDrive};
+use super::super::machine::Wire;
 use super::super::stage::Woken;
 use super::carriage::Corrected;
 use crate::control::{self, Phase, State};
@@ -455,9 +456,7 @@ impl<'a> Scene<'a> {
 
     pub(super) fn interfered(&mut self, what: &Interference) {
         if let Interference::Drive(drive, ToDrive::Input(place, _)) = *what {
-            let mut wires = self.case.machine.wires();
-            self.is_misled |=
-                wires.any(|(of, wire)| (of, wire.place) == (drive, place) && wire.is_home());
+            self.is_misled |= (self.case.machine).has_wire(drive, place, Wire::is_home);
         }
         self.interferences.push((self.now, what.clone()));
     }

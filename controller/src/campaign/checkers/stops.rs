@@ -10,6 +10,7 @@
 //! long as they are shown that, the verdict holds the path against the program.
 
 use super::super::interference::{Interference, ToDrive};
+use super::super::machine::Wire;
 use super::super::stage::Played;
 use super::carriage::taken_up;
 use super::{Checker, Found, Scene};
@@ -184,8 +185,7 @@ impl Stops {
 
     /// An input is switched: one that holds the path is a cause like any other where it can have been seen.
     fn switched(&mut self, scene: &Scene<'_>, device: usize, place: u8, on: bool) {
-        let mut wires = scene.case.machine.wires();
-        if !wires.any(|(of, wire)| (of, wire.place) == (device, place) && wire.holds()) {
+        if !(scene.case.machine).has_wire(device, place, Wire::holds) {
             // A person may go on by an input too.
             self.set_in_motion(scene);
             self.jog = None;

@@ -620,6 +620,12 @@ impl MachineSpec {
         (wires.enumerate()).flat_map(|(place, wires)| wires.iter().map(move |wire| (place, wire)))
     }
 
+    /// Whether something of that kind is wired to this place of a device.
+    pub(super) fn has_wire(&self, device: usize, place: u8, is: impl Fn(&Wire) -> bool) -> bool {
+        let mut wires = self.wires();
+        wires.any(|(of, wire)| (of, wire.place) == (device, place) && is(wire))
+    }
+
     /// The numbers by which programs know what is wired in a table.
     pub(super) fn numbers(&self, table: &str) -> Vec<u8> {
         let is_digital = |wire: &Wire| match table {

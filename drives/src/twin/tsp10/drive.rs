@@ -424,15 +424,14 @@ impl Drive {
     /// Brings the objects that show the controller's condition up to date.
     pub(super) fn publish(&mut self) {
         let (position, velocity) = self.actual();
-        let whole = |number: f64| nearest(number);
         for (index, sub, value) in [
             (0x1001, 0, self.error_register.into()),
             (0x1002, 0, self.manufacturer_status().into()),
             (0x6041, 0, self.statusword().0.into()),
             (0x6061, 0, self.mode as i64),
-            (0x6062, 0, whole(self.ramp.position)),
-            (0x6064, 0, whole(position)),
-            (0x606C, 0, whole(velocity / self.velocity_unit())),
+            (0x6062, 0, nearest(self.ramp.position)),
+            (0x6064, 0, nearest(position)),
+            (0x606C, 0, nearest(velocity / self.velocity_unit())),
         ] {
             self.objects.put(index, sub, value);
         }
