@@ -121,6 +121,11 @@ impl AxisSet {
         self.0 |= 1 << axis.index();
     }
 
+    /// Takes an axis out.
+    pub(crate) fn remove(&mut self, axis: AxisLetter) {
+        self.0 &= !(1 << axis.index());
+    }
+
     /// Whether there is no axis in the set.
     pub const fn is_empty(self) -> bool {
         self.0 == 0

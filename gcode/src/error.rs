@@ -23,16 +23,25 @@ pub struct Error {
     pub fault: Fault,
 }
 
-/// The block and a mark under what is wrong, each on a line of its own. What a terminal would act
-/// upon is replaced.
+impl Error {
+    /// The block as it can be shown.
+    pub fn shown_block(&self) -> String {
+        shown(&self.block)
+    }
+}
+
+/// The block without what a terminal would act upon.
+fn shown(block: &str) -> String {
+    let shown = |c: char| if c.is_control() { ' ' } else { c };
+    block.chars().map(shown).collect()
+}
+
+/// The block and a mark under what is wrong, each on a line of its own.
 fn excerpt(block: &str, columns: Columns) -> String {
     if block.is_empty() {
         return String::new();
     }
-    let text: String = block
-        .chars()
-        .map(|c| if c.is_control() { ' ' } else { c })
-        .collect();
+    let text = shown(block);
     let room = block.chars().count() + 1;
     let start = (columns.start as usize).clamp(1, room);
     let length = (columns.end as usize).clamp(start + 1, room + 1) - start;

@@ -68,6 +68,12 @@ pub(crate) struct State {
     pub(crate) at: Point,
     /// The axes that blocks have sent somewhere; others stand where they were found.
     pub(crate) sent: AxisSet,
+    /// The axes of which it is not known where they are, behind a block that was refused.
+    pub(crate) lost: AxisSet,
+    /// Whether there were such axes before the motion that came last.
+    pub(crate) begins_lost: bool,
+    /// Whether it is known where the block leads that was read last.
+    pub(crate) target_is_known: bool,
     /// What G43 and G43.1 added.
     pub(crate) tool_offset: Point,
     /// Whether the shift of G92 and G52 is in effect.
@@ -103,6 +109,9 @@ impl State {
         State {
             at: setup.start,
             sent: AxisSet::NONE,
+            lost: AxisSet::NONE,
+            begins_lost: false,
+            target_is_known: false,
             modes: setup.memory.modes.clone(),
             tool_offset: setup.memory.tool_offset,
             g92_applies: setup.memory.g92_applies,

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 use std::fs::File;
-use std::io::{self, Cursor};
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
@@ -15,14 +15,14 @@ use super::coordinates::WorkCoordinates;
 use super::entry::{Answer, Entry, InEffect, Passed, Place};
 use super::error::{Error, Fault, Origin, Refusal};
 use super::execute::{Continuation, State};
-use super::flow::{At, Control, is_flow};
+use super::flow::{At, Control};
 use super::lexer::Columns;
 use super::memory::Memory;
 use super::modal::Modes;
 use super::parameters::{INPUT_RESULT, InputResult};
 use super::probe::Probed;
 use super::read_ahead::{InBlock, ReadAhead};
-use super::source::{self, Input, Lines, MAX_LINE, Read1};
+use super::source::{Input, Lines, MAX_LINE, Read1};
 use super::tables::Tables;
 
 /// Interprets a program block by block: an iterator of its commands, with memory for one block.
@@ -38,28 +38,28 @@ pub struct Interpreter {
     pub(super) current: usize,
     /// Where files of subroutines are.
     pub(super) directory: Option<PathBuf>,
-    bytes: Vec<u8>,
+    pub(super) bytes: Vec<u8>,
     pub(super) block: Block,
     /// The line that `block` was read from.
     pub(super) line: u32,
     pub(super) state: State,
     pub(super) control: Control,
     /// What the block that is being executed asks for, in the program's own positions.
-    actions: VecDeque<Action>,
-    compensation: Option<Compensation>,
+    pub(super) actions: VecDeque<Action>,
+    pub(super) compensation: Option<Compensation>,
     /// What has ended, while the tool is still beside its contour.
-    left: Option<Compensation>,
+    pub(super) left: Option<Compensation>,
     /// A block of a compensated contour was refused: nothing is known of the contour up to its G40.
-    contour_lost: bool,
+    pub(super) contour_lost: bool,
     /// Blocks are read that are not executed, up to the end of a branch, a loop or a subroutine.
     pub(super) reads_over: bool,
     /// A block was refused, behind which it is not known what comes next: the rest of its file is read and not executed.
-    only_read: bool,
+    pub(super) only_read: bool,
     /// What is settled and not handed out.
     pending: VecDeque<Command>,
     read_ahead: ReadAhead,
     /// Where `pending` leads the machine.
-    settled_at: Point,
+    pub(super) settled_at: Point,
     executed: u64,
     /// M99 of the main program had it begin anew.
     pub(super) begins_anew: bool,
@@ -84,7 +84,7 @@ pub struct Interpreter {
     deferred: Option<Deferred>,
     /// M2, or what is as good.
     program_ended: bool,
-    ended: bool,
+    pub(super) ended: bool,
 }
 
 /// What a program cannot go on behind before it is known what came of it.
@@ -106,7 +106,7 @@ pub(super) enum Deferred {
 
 /// A file and its name.
 pub(super) struct ProgramFile {
-    name: String,
+    pub(super) name: String,
     pub(super) lines: Lines,
 }
 
@@ -301,52 +301,6 @@ impl Interpreter {
         self.passed
     }
 
-    /// After an error goes on behind its block, to find the program's other mistakes; what comes is
-    /// not to be run. Where it is not known what comes next, as behind a mistake in a branch or a call, the rest of the
-    /// file is judged block by block. `false` if nothing can be said of what is behind.
-    pub fn go_on(&mut self, error: &Error) -> bool {
-        if error.fault.ends_reading() {
-            return false;
-        }
-        let flow_lost = self.reads_over || error.fault.loses_the_flow() || is_flow(&error.block);
-        if flow_lost && !self.only_read {
-            if self.go_behind(error).is_err() {
-                return false;
-            }
-            self.only_read = true;
-        }
-        self.actions.clear();
-        (self.compensation, self.left) = (None, None);
-        self.contour_lost = self.state.cutter().is_some();
-        self.settled_at = self.state.at;
-        self.ended = false;
-        true
-    }
-
-    /// Goes behind the block of an error.
-    fn go_behind(&mut self, error: &Error) -> io::Result<()> {
-        let file = self.files.iter().position(|it| it.name == error.file);
-        self.current = file.unwrap_or(self.current);
-        let lines = &mut self.files[self.current].lines;
-        lines.go_to(source::Place::START)?;
-        while lines.place().line <= error.line && lines.read(&mut self.bytes)? != Read1::End {}
-        Ok(())
-    }
-
-    /// Reads a block for mistakes that it has whatever comes before it; at the end of the program or the file there is
-    /// no more.
-    fn judge_block(&mut self) -> Result<(), Refusal> {
-        if !self.read_block()? || self.block.percent {
-            self.ended = true;
-            return Ok(());
-        }
-        if self.is_deleted() {
-            return Ok(());
-        }
-        self.ended = self.state.judge(&self.block)?;
-        Ok(())
-    }
-
     /// Begins in the middle: executes the program up to a line without handing out its commands.
     /// After this [`Interpreter::modes`] and [`Interpreter::position`] show what the line starts
     /// from, for the operator to confirm, and the next command is the line's. What sets it up is left to the caller, before
@@ -486,12 +440,19 @@ impl Interpreter {
                 ));
             }
         }
-        let refuse = |fault| Err(Refusal::new(self.block.columns(), fault));
-        if self.compensation.is_some() {
-            return refuse(Fault::BeginCompensated { line });
-        }
-        if self.state.nurbs.is_some() {
-            return refuse(Fault::BeginNurbs { line });
+        let midst = if self.compensation.is_some() {
+            Some(Fault::BeginCompensated { line })
+        } else if self.state.nurbs.is_some() {
+            Some(Fault::BeginNurbs { line })
+        } else {
+            None
+        };
+        if let Some(fault) = midst {
+            // What is shown is the line that was asked for.
+            if !read_over {
+                self.read_block()?;
+            }
+            return Err(Refusal::new(self.block.columns(), fault));
         }
         if self.state.input_result == InputResult::Asked {
             self.state.input_result = InputResult::Passed;
@@ -570,6 +531,7 @@ impl Interpreter {
     pub(super) fn read_block(&mut self) -> Result<bool, Refusal> {
         let lines = &mut self.files[self.current].lines;
         self.line = lines.place().line;
+        self.state.target_is_known = false;
         let read = lines.read(&mut self.bytes);
         if !matches!(read, Ok(Read1::Line)) {
             self.block.parse("")?;
@@ -766,8 +728,11 @@ impl Iterator for Interpreter {
         if self.awaits.is_some() {
             return None;
         }
-        if let Err(refusal) = self.advance() {
-            return Some(Err(self.error(refusal)));
+        while let Err(refusal) = self.advance() {
+            let error = self.error(refusal);
+            if !(self.follows(&error) && self.go_on(&error)) {
+                return Some(Err(error));
+            }
         }
         let command = self.pending.pop_front()?;
         self.passed += 1;

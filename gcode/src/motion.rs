@@ -120,6 +120,13 @@ impl State {
             return self.spline(motion, words, motion_columns, commands);
         }
         let to = self.target(words, code, machine)?;
+        self.target_is_known = true;
+        self.begins_lost = !self.lost.is_empty();
+        if machine || !self.modes.incremental {
+            let is_given = |axis: &AxisLetter| words.columns(axis.letter() as u8).is_some();
+            (AxisLetter::ALL.iter().filter(|axis| is_given(axis)))
+                .for_each(|it| self.lost.remove(*it));
+        }
         let moved = self.move_to(to, motion, words, motion_columns, commands);
         // Who looks for further mistakes goes on from where a refused motion was to lead.
         if moved.is_err() {
@@ -211,6 +218,7 @@ impl State {
                 self.sent.insert(axis);
             }
         }
+        self.lost = AxisSet::NONE;
         self.at = at;
     }
 

@@ -6,13 +6,14 @@ use super::ports::PortChoice;
 use super::real_time::{RealTimeArgs, lockstep, record_faults};
 use super::state_keeper::StateKeeper;
 use super::{Exit, bad_input, report};
+use crate::budget::DoesNotFit;
 use crate::control::{End, Event as MachineEvent, Layout};
 use crate::identify::estimate::{NotEstimated, estimate};
 use crate::identify::excitation::{self, Bounds};
 use crate::identify::lag::NotSeen;
 use crate::identify::log::{Beside, Log};
 use crate::identify::velocity::Streamed;
-use crate::identify::{AxisSample, Identified, Moved, Subject};
+use crate::identify::{AxisSample, Identified, Moved, Subject, TooLight};
 use crate::machine::{Axis, Machine, MachineState};
 use crate::observe::Observers;
 use crate::observe::axis_log::AxisLog;
@@ -121,6 +122,9 @@ enum Unfit {
          or leave --update out"
     )]
     NoMotor(String),
+    /// The bus has no room for the torque besides.
+    #[error("with what {drives} tell in every cycle to be identified: {source}")]
+    NoRoom { drives: String, source: DoesNotFit },
     /// What would be updated is in another file.
     #[error(
         "--update: what is found belongs into the file that describes {0}: leave --update out, and write there what is told"
@@ -194,7 +198,10 @@ impl Args {
             Ok(told) => claims.tell(&told),
             // A log that was just made and shows too little is no bad input.
             Err(error)
-                if self.log.is_none() && (error.is::<NotEstimated>() || error.is::<NotSeen>()) =>
+                if self.log.is_none()
+                    && (error.is::<NotEstimated>()
+                        || error.is::<NotSeen>()
+                        || error.is::<TooLight>()) =>
             {
                 report(&*error);
                 return Ok(Exit::Stopped);
@@ -215,6 +222,9 @@ impl Args {
     ) -> Result<String, Box<dyn Error>> {
         let estimate = estimate(&log.samples, &moved.shaft)?;
         let identified = Identified::new(machine, moved, &log.samples, estimate);
+        if let Some(too_light) = identified.too_light.as_ref().filter(|_| self.update) {
+            return Err(too_light.clone().into());
+        }
         if let Some(page) = page {
             let mut page = page.begin()?;
             page.write_all(identified.to_html(&machine.name).as_bytes())?;
@@ -305,8 +315,13 @@ impl Args {
         let programs = Programs::with_tables(machine, Tables::default());
         let program = programs.text("the excitation", text.as_bytes());
         program.check(machine.rest())?;
-        let (axis_log, samples) = AxisLog::new(axis.letter);
-        let observers = Observers::new(machine, None, None, false).logging(axis_log);
+        let layout = Layout::new(machine).map_err(|source| Unfit::NoRoom {
+            drives: (axis.drives.iter())
+                .map(|&drive| &*machine.drives[drive].name)
+                .collect::<Vec<_>>()
+                .join(" and "),
+            source,
+        })?;
         eprintln!(
             "axis {} goes from {:.3} to {:.3} {}, at up to {:.3} {}",
             axis.name(),
@@ -316,14 +331,16 @@ impl Args {
             bounds.speed,
             axis.units()[1]
         );
+        let (axis_log, samples) = AxisLog::new(axis.letter);
+        let observers = Observers::new(machine, None, None, false).logging(axis_log);
         let logs = self.bus_logs.open(claims)?;
         if !lockstep(machine) || self.in_real_time {
             let buses = self.real_time.open(machine, logs)?;
-            return self.excite_in_real_time(machine, program, observers, &samples, buses);
+            return self.excite_in_real_time(machine, layout, program, observers, &samples, buses);
         }
         let seed = self.real_time.seed;
         let state = MachineState::simulated(machine, seed);
-        let layout = Arc::new(Layout::new(machine)?.recalling(machine, &state));
+        let layout = Arc::new(layout.recalling(machine, &state));
         let (timeline, moves) = VirtualMachine::new(machine, Arc::clone(&layout), program, seed)?;
         let mut session = Session::new(&layout, timeline, moves, observers);
         let (log, excess) = self.attend(&mut session, &layout, &samples)?;
@@ -335,6 +352,7 @@ impl Args {
     fn excite_in_real_time(
         &self,
         machine: &Machine,
+        layout: Layout,
         program: Program,
         observers: Observers,
         samples: &Receiver<AxisSample>,
@@ -342,7 +360,7 @@ impl Args {
     ) -> Result<Seen, Box<dyn Error>> {
         let file = MachineState::beside(&self.machine);
         let state = MachineState::load(&file)?;
-        let layout = Arc::new(Layout::new(machine)?.recalling(machine, &state));
+        let layout = Arc::new(layout.recalling(machine, &state));
         let verbose = self.verbose;
         let (timeline, moves) = RealTime::start(
             machine,

@@ -137,7 +137,7 @@ pub enum NotEstimated {
     /// The samples have no place in time.
     #[error(
         "the log's times do not go on in steps of the machine's cycle, {} ms, at {time} s: take the machine file of the \
-         run, and a log as it was written",
+         run, and a log as it was written, with times in seconds",
         1e3 * .cycle
     )]
     Times {
@@ -455,6 +455,7 @@ fn sampled(samples: &[AxisSample], shaft: &Shaft) -> Result<Vec<Sample>, NotEsti
     let Shaft { cycle, radians, .. } = *shaft;
     let mut motion: Vec<Sample> = Vec::with_capacity(samples.len());
     let mut last: Option<f64> = None;
+    let mut gaps = Vec::new();
     for sample in samples {
         let Some(torque) = sample.torque.mean else {
             continue;
@@ -473,7 +474,11 @@ fn sampled(samples: &[AxisSample], shaft: &Shaft) -> Result<Vec<Sample>, NotEsti
             direction: 0.0,
         };
         let before = motion.last().copied().unwrap_or(next);
-        let unknown = if whole > BRIDGED { f64::NAN } else { 0.0 };
+        let mut unknown = 0.0;
+        if whole > BRIDGED {
+            unknown = f64::NAN;
+            gaps.push(sample.time);
+        }
         for step in 1..whole as usize {
             let part = step as f64 / whole;
             motion.push(Sample {
@@ -485,5 +490,9 @@ fn sampled(samples: &[AxisSample], shaft: &Shaft) -> Result<Vec<Sample>, NotEsti
         }
         motion.push(next);
     }
-    Ok(motion)
+    // Times in another unit have a gap behind each sample.
+    match gaps.first() {
+        Some(&time) if 2 * gaps.len() > samples.len() => Err(NotEstimated::Times { time, cycle }),
+        _ => Ok(motion),
+    }
 }

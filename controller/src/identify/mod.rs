@@ -128,6 +128,25 @@ pub enum Unfit {
     RatedTorque(&'static str),
 }
 
+/// What was found cannot be of the motor, and of what else is fixed to its shaft, that the machine file names.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "axis {axis}: the inertia found, {found} kg·m², is less than the {least} kg·m² that its {of} by the machine file: \
+     one of these is wrong, or the rated torque of {rated_torque} N·m, of which the drive tells its torque in thousandths",
+    found = number(*found),
+    least = number(*least),
+    of = match carriage { true => "`motor` and `carriage_mass` have", false => "`motor` has" }
+)]
+pub struct TooLight {
+    axis: &'static str,
+    /// Of all that moves, at the shaft, kg·m².
+    found: f64,
+    /// Of what the machine file names, kg·m².
+    least: f64,
+    rated_torque: f64,
+    carriage: bool,
+}
+
 impl Subject {
     /// The axis of that name, made ready to tell its torque if its drive can; `rated_torque`, N·m, where the machine file
     /// names no motor or another one.
@@ -233,6 +252,21 @@ impl Moved {
         self.motor.is_some()
     }
 
+    /// What is found to be lighter than what the machine file names of it.
+    fn too_light(&self, axis: &'static str, estimate: &Estimate) -> Option<TooLight> {
+        let Figure { value, uncertainty } = estimate.inertia;
+        // Each motor of a gantry moves half of what its beam carries.
+        let carried = self.carried.unwrap_or(0.0) / 2.0 * self.travel * self.travel;
+        let least = self.motor?.inertia + carried;
+        (value + (2.0 * uncertainty).max(NAME_PLATE * least) < least).then_some(TooLight {
+            axis,
+            found: value,
+            least,
+            rated_torque: self.shaft.rated_torque,
+            carriage: carried > 0.0,
+        })
+    }
+
     /// What a simulated axis has behind a motor that is known.
     fn keys(&self, estimate: &Estimate, motor: &Known) -> Vec<Key> {
         let travel = self.travel;
@@ -295,7 +329,7 @@ impl Moved {
                 uncertainty: part * stiffness,
             };
             if stiffness.value <= 0.0 {
-                // More of the inertia is the motor's than there is: its figures are those of another one.
+                // A motor without a load has nothing to swing.
                 return keys;
             }
             keys.push(Key {
@@ -323,12 +357,18 @@ pub struct Identified {
     pub estimate: Estimate,
     /// How the motor's shaft answers torque, as the log shows it without a model, and as the estimate has it.
     pub response: Vec<Response>,
-    /// Keys of `[axis.simulation]` that make a simulated axis of it; none where the machine file names no motor.
+    /// Keys of `[axis.simulation]` that make a simulated axis of it; none where the machine file names no motor, or one that it
+    /// cannot be.
     pub simulation: Vec<Key>,
+    /// Why it cannot be what the machine file names.
+    #[serde(skip)]
+    pub too_light: Option<TooLight>,
     /// What its drive can be sent with its setpoints, if it adds that to its loops' torque.
     pub feed_forward: Option<FeedForward>,
     /// Gains that suit it; none where the machine file names no motor, or where none keep it from swinging.
     pub gains: Option<Tuned>,
+    /// Gains that suit it if it is stiff, where the log shows no swing: it cannot tell one that is further up from none.
+    pub gains_if_stiff: Option<Tuned>,
     /// Its drive, or both of a gantry.
     #[serde(skip)]
     drives: Vec<String>,
@@ -360,20 +400,25 @@ impl Identified {
         let drives = axis.drives.iter();
         let names = drives.map(|&drive| machine.drives[drive].name.clone());
         let device = machine.device(axis.drives[0]);
-        let known = subject.motor.zip(device.drive());
-        let gains = known
-            .and_then(|(known, device)| Tuned::of(&estimate, &known.motor, known.inertia, device));
+        let too_light = subject.too_light(axis.name(), &estimate);
+        let motor = subject.motor.filter(|_| too_light.is_none());
+        let known = motor.zip(device.drive());
+        let tuned = |tuned: fn(&Estimate, &Motor, f64, &dyn Drive) -> Option<Tuned>| {
+            let (known, device) = known?;
+            tuned(&estimate, &known.motor, known.inertia, device)
+        };
+        let [gains, gains_if_stiff] = [Tuned::of, Tuned::if_stiff].map(tuned);
         Self {
             axis: axis.name(),
             feed_forward: (drive.model.abilities.contains(&Ability::TorqueOffset))
                 .then(|| feed_forward(subject, axis, &estimate)),
             gains,
+            gains_if_stiff,
             drives: names.collect(),
             rated_torque: subject.shaft.rated_torque,
             response: response(samples, &subject.shaft, &estimate),
-            simulation: subject
-                .motor
-                .map_or_else(Vec::new, |motor| subject.keys(&estimate, &motor)),
+            simulation: motor.map_or_else(Vec::new, |motor| subject.keys(&estimate, &motor)),
+            too_light,
             estimate,
             rotary: !axis.letter.is_linear(),
         }
@@ -480,6 +525,9 @@ impl fmt::Display for Identified {
         if let Some(feed_forward) = &self.feed_forward {
             self.tell_feed_forward(feed_forward, f)?;
         }
+        if let Some(too_light) = &self.too_light {
+            return writeln!(f, "\n{too_light}");
+        }
         if self.simulation.is_empty() {
             return writeln!(
                 f,
@@ -510,9 +558,21 @@ impl fmt::Display for Identified {
             }
         }
         match &self.gains {
-            Some(gains) => self.tell_gains(gains, f),
-            None => writeln!(f, "\nno gains keep this axis from swinging"),
+            Some(gains) => {
+                writeln!(f, "\ngains, for loops as simulated drives have them")?;
+                self.tell_gains(gains, f)?;
+            }
+            None => writeln!(f, "\nno gains keep this axis from swinging")?,
         }
+        let Some(gains) = &self.gains_if_stiff else {
+            return Ok(());
+        };
+        writeln!(
+            f,
+            "\ngains for a load that is stiff: those before are for one that may swing above {seen_to_hz:.0} Hz, where the log shows \
+             nothing; try these behind them, and go back where the axis hums"
+        )?;
+        self.tell_gains(gains, f)
     }
 }
 
@@ -575,21 +635,13 @@ impl Identified {
         let margins = |it: &Margins| format!("{:.0}° and {:.1} dB", it.phase, it.gain);
         writeln!(
             f,
-            "\ngains, for loops as simulated drives have them\n  speed loop    {} N·m·s/rad, {:.2} ms, margins {}\n  \
-             position loop {:.1} 1/s, margins {}",
+            "  speed loop    {} N·m·s/rad, {:.2} ms, margins {}\n  position loop {:.1} 1/s, margins {}",
             number(*speed_gain),
             1e3 * integral_time_s,
             margins(&stability.speed),
             position_gain,
             margins(&stability.position)
         )?;
-        if self.estimate.swing.is_none() {
-            writeln!(
-                f,
-                "  margins of a load that swings right above {:.0} Hz, where the log shows nothing: those of a stiff one are wider",
-                self.estimate.seen_to_hz
-            )?;
-        }
         if !sdo.is_empty() {
             let entries = sdo.iter().map(|(at, value)| format!("[\"{at}\", {value}]"));
             let entries = entries.collect::<Vec<_>>().join(", ");
@@ -631,6 +683,9 @@ fn number(value: f64) -> String {
         _ => format!("{value:.3e}"),
     }
 }
+
+/// What a motor's data sheet may be wrong by, as a part of it.
+const NAME_PLATE: f64 = 0.1;
 
 /// From this part of its value on, an uncertainty is told as one.
 const UNCERTAIN: f64 = 0.1;

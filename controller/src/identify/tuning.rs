@@ -4,7 +4,9 @@
 //! the same structure is near them, as far as its filters are. The axis is the one that was found. What the log does not show is
 //! taken to be at its worst: a load of which no swing was seen swings anywhere above the highest frequency that was, hardly
 //! damped. Which frequency is worst depends on load and gains: a heavy load that swings a little above the loops' bandwidth can be
-//! worse than one in it. So gains keep their distance at each of some frequencies, and the least of the margins is told.
+//! worse than one in it. So gains keep their distance at each of some frequencies, and the least of the margins is told. A stiff axis
+//! could have loops that are several times as fast, and no log tells it from one that swings further up: gains for one that swings nowhere
+//! are told besides, for a person to try.
 
 use super::estimate::{Estimate, Swing};
 use serde::Serialize;
@@ -52,7 +54,32 @@ impl Tuned {
     /// For an axis that was found; `None` where no gains keep it from swinging.
     #[must_use]
     pub fn of(estimate: &Estimate, motor: &Motor, rotor: f64, drive: &dyn Drive) -> Option<Self> {
-        let (gains, tunings) = proposed(estimate, motor, rotor)?;
+        let trains = trains(estimate, rotor)?;
+        Self::for_all(trains, estimate, motor, rotor, drive)
+    }
+
+    /// For one of which no swing was seen, if it has none; `None` where one was.
+    #[must_use]
+    pub fn if_stiff(
+        estimate: &Estimate,
+        motor: &Motor,
+        rotor: f64,
+        drive: &dyn Drive,
+    ) -> Option<Self> {
+        let stiff = train(estimate, [rotor, estimate.inertia.value - rotor], None);
+        let is_told = estimate.swing.is_none() && stiff.load_inertia > 0.0;
+        is_told.then(|| Self::for_all(vec![stiff], estimate, motor, rotor, drive))?
+    }
+
+    /// For each of these axes, any of which it may be.
+    fn for_all(
+        trains: Vec<DriveTrain>,
+        estimate: &Estimate,
+        motor: &Motor,
+        rotor: f64,
+        drive: &dyn Drive,
+    ) -> Option<Self> {
+        let (gains, tunings) = proposed(trains, estimate, motor, rotor)?;
         let stability = tunings.iter().map(|it| it.stability(&gains));
         let stability = stability.reduce(|one, other| Some(one?.least(&other?)))??;
         let swings = tunings.iter().filter_map(|it| it.slowest_swing(&gains));
@@ -77,7 +104,12 @@ impl Tuned {
 }
 
 /// Gains for an axis that was found, and all that it may be.
-fn proposed(estimate: &Estimate, motor: &Motor, rotor: f64) -> Option<(Gains, Vec<Tuning>)> {
+fn proposed(
+    trains: Vec<DriveTrain>,
+    estimate: &Estimate,
+    motor: &Motor,
+    rotor: f64,
+) -> Option<(Gains, Vec<Tuning>)> {
     let stiff = DriveTrain {
         rotor_inertia: rotor,
         load_inertia: (estimate.inertia.value - rotor).max(0.0),
@@ -85,8 +117,7 @@ fn proposed(estimate: &Estimate, motor: &Motor, rotor: f64) -> Option<(Gains, Ve
         ..DriveTrain::default()
     };
     let like = Gains::commissioned(motor, &stiff);
-    let trains = trains(estimate, rotor)?.into_iter();
-    let tunings: Vec<_> = trains
+    let tunings: Vec<_> = (trains.into_iter())
         .map(|train| Tuning::new(train, CURRENT_BANDWIDTH))
         .collect();
     Some((tuned(&tunings, &like)?, tunings))
@@ -128,22 +159,27 @@ fn trains(estimate: &Estimate, rotor: f64) -> Option<Vec<DriveTrain>> {
     };
     let damping = swing.and_then(|it| it.damping).map(|it| it.value);
     let damping = damping.unwrap_or(LEAST_DAMPING).min(1.0);
-    let at = |hertz: f64| DriveTrain {
+    let at = |hertz: f64| {
+        let stiffness = load * (TAU * hertz).powi(2);
+        let spring = Elasticity::damped(stiffness, damping, [rotor, load]);
+        train(estimate, [rotor, load], Some(spring))
+    };
+    Some(places.into_iter().map(at).collect())
+}
+
+/// What was found as a rotor and a load, with what is between them.
+fn train(estimate: &Estimate, [rotor, load]: [f64; 2], spring: Option<Elasticity>) -> DriveTrain {
+    DriveTrain {
         rotor_inertia: rotor,
         load_inertia: load,
-        elasticity: Some(Elasticity::damped(
-            load * (TAU * hertz).powi(2),
-            damping,
-            [rotor, load],
-        )),
+        elasticity: spring,
         bearing: Friction::coulomb(0.0),
         guide: Friction {
             viscous: estimate.viscous_friction.value.max(0.0),
             ..Friction::coulomb(0.0)
         },
         ..DriveTrain::default()
-    };
-    Some(places.into_iter().map(at).collect())
+    }
 }
 
 #[cfg(test)]
@@ -192,7 +228,9 @@ mod tests {
             let rotor = motor.rotor_inertia;
             let load = ratio * rotor;
             let estimate = without_swing(rotor + load, seen);
-            let (gains, _) = proposed(&estimate, &motor, rotor).expect("slow loops hold it");
+            let may_be = trains(&estimate, rotor).expect("it has a load");
+            let found = proposed(may_be, &estimate, &motor, rotor);
+            let (gains, _) = found.expect("slow loops hold it");
             for (by, damping) in by {
                 let train = DriveTrain {
                     rotor_inertia: rotor,

@@ -18,7 +18,6 @@ use syncline_drives::twin;
 use syncline_drives::twin::random::Random;
 use syncline_drives::twin::servo::encoder::EncoderErrors;
 use syncline_drives::twin::servo::motor::{MOTORS, Motor};
-use syncline_gcode as gcode;
 use syncline_strict_toml::{Log, Table, one_of};
 use toml::Spanned;
 
@@ -125,11 +124,16 @@ impl Carriage {
         (axes.iter()).position(|axis| axis.name() == self.axis.get_ref())
     }
 
+    /// Where its axis is in the middle of the beam, mm.
+    fn middle_of(&self, axis: &Axis) -> f64 {
+        let (least, most) = axis.limits.position;
+        self.middle.unwrap_or(0.5 * (least + most))
+    }
+
     /// As its beam knows it, moved by a drive of its axis with that scaling.
     #[must_use]
     pub fn at_shaft(&self, axis: &Axis, scaling: &Scaling) -> rigid_beam::Carriage {
-        let (least, most) = axis.limits.position;
-        let middle = self.middle.unwrap_or(0.5 * (least + most));
+        let middle = self.middle_of(axis);
         // Its axis's positive direction is away from the first side.
         rigid_beam::Carriage {
             mass: self.mass,
@@ -364,6 +368,8 @@ pub(super) fn read(
             ),
             "allowed: `mechanics` only of a linear axis whose `drives` name two, a gantry pair",
         );
+        // What else is there may be right of a pair.
+        return None;
     }
     let is_pair = gantry;
     let motor_is_named = table.span_of("motor").is_some();
@@ -476,31 +482,56 @@ fn beam(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Option<Gantry> {
 
 /// What runs along a beam; its other keys are there with `carriage` only.
 fn carriage(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Option<Carriage> {
-    let names = gcode::AxisLetter::ALL.iter().map(|axis| axis.name());
-    let axis = table.choice_if(log, "carriage", names)?;
+    let is_there = table.span_of("carriage").is_some();
+    let allowed = "another linear axis of this machine with one drive";
+    let axis = table.text_if(log, "carriage", allowed, |_| true);
+    if !is_there {
+        return None;
+    }
     let allowed = "a number from 0.001 to 1000000 (kg)";
     let range = 0.001..=1e6;
     let mass = table.number(log, "carriage_mass", allowed, |mass| range.contains(&mass));
     let allowed = "a number from -1000000 to 1000000 (mm)";
     let middle = table.number_if(log, "carriage_middle", allowed, |at| at.abs() <= 1e6);
     Some(Carriage {
-        axis,
+        axis: axis?,
         mass: mass?.into_inner(),
         middle: middle.map(Spanned::into_inner),
     })
 }
 
-/// Whether what runs along the beam of an axis is an axis of one drive.
+/// Whether what runs along the beam of an axis is an axis of one drive, and on the beam.
 pub(super) fn check(log: &mut Log<'_>, axis: &Axis, axes: &[Axis]) {
     let gantry = axis.simulation.as_ref().and_then(|it| it.gantry.as_ref());
-    let Some(carriage) = gantry.and_then(|it| it.carriage.as_ref()) else {
+    let Some((beam, carriage)) = gantry.and_then(|it| Some((&it.beam, it.carriage.as_ref()?)))
+    else {
         return;
     };
-    let names = axes
+    let others = axes
         .iter()
-        .filter(|it| it.drives.len() == 1 && it.letter.is_linear());
-    let names = names.map(Axis::name).filter(|name| *name != axis.name());
-    if !names.clone().any(|name| name == carriage.axis.get_ref()) {
+        .filter(|it| it.drives.len() == 1 && it.letter.is_linear() && it.name() != axis.name());
+    let mut named = others
+        .clone()
+        .filter(|it| it.name() == carriage.axis.get_ref());
+    if let Some(mover) = named.next() {
+        let (least, most) = mover.limits.position;
+        let middle = carriage.middle_of(mover);
+        let furthest = (middle - least).max(most - middle);
+        let span = 1e3 * beam.span;
+        // As far beyond an end as to it from the middle, no carriage is on its beam.
+        if furthest > span {
+            log.report(
+                carriage.axis.span(),
+                format!(
+                    "axis \"{}\": simulation: axis \"{}\" goes {furthest} mm from the middle of a beam of {span} mm",
+                    axis.name(),
+                    mover.name()
+                ),
+                "allowed: at most its `span`, which is in mm; `carriage_middle` is where that axis is in the middle",
+            );
+        }
+    } else {
+        let names = others.map(Axis::name);
         log.report(
             carriage.axis.span(),
             format!(

@@ -12,8 +12,16 @@ const MOST_LINES: usize = 12;
 #[derive(Debug)]
 pub struct Mistake {
     first: gcode::Error,
-    lines: Vec<u32>,
+    lines: Vec<Again>,
     more: u64,
+}
+
+/// A line in which a mistake is made again.
+#[derive(Debug)]
+struct Again {
+    line: u32,
+    /// The block, if it is the same mistake with other numbers.
+    otherwise: Option<String>,
 }
 
 /// All mistakes of a program, in the order in which they are met.
@@ -55,7 +63,7 @@ impl Mistakes {
         match self.list.iter_mut().find(same) {
             // A loop or a subroutine makes it again and again.
             Some(mistake) if mistake.is_in(error.line) => {}
-            Some(mistake) if mistake.lines.len() < MOST_LINES => mistake.lines.push(error.line),
+            Some(mistake) if mistake.lines.len() < MOST_LINES => mistake.is_again_in(&error),
             Some(mistake) => mistake.more += 1,
             None => self.list.push(Mistake {
                 first: error,
@@ -70,7 +78,16 @@ impl Mistakes {
 impl Mistake {
     /// Whether the line is told.
     fn is_in(&self, line: u32) -> bool {
-        self.first.line == line || self.lines.contains(&line)
+        self.first.line == line || self.lines.iter().any(|it| it.line == line)
+    }
+
+    fn is_again_in(&mut self, error: &gcode::Error) {
+        let is_told = error.fault.to_string() == self.first.fault.to_string();
+        let block = || error.shown_block().trim().to_owned();
+        self.lines.push(Again {
+            line: error.line,
+            otherwise: (!is_told).then(block),
+        });
     }
 }
 
@@ -80,13 +97,22 @@ impl fmt::Display for Mistakes {
         for mistake in &self.list {
             write!(f, "{separator}{}", mistake.first)?;
             separator = "\n";
-            if mistake.lines.is_empty() {
-                continue;
+            for again in &mistake.lines {
+                if let Some(block) = &again.otherwise {
+                    write!(f, "\n  the same in line {}: {block}", again.line)?;
+                }
             }
-            let lines: Vec<String> = mistake.lines.iter().map(u32::to_string).collect();
-            write!(f, "\n  the same in line {}", lines.join(", "))?;
-            if mistake.more > 0 {
-                write!(f, " and {} more", mistake.more)?;
+            let alike = mistake.lines.iter().filter(|it| it.otherwise.is_none());
+            let alike: Vec<String> = alike.map(|it| it.line.to_string()).collect();
+            match (&alike[..], mistake.more) {
+                ([], 0) => {}
+                ([], more) => write!(f, "\n  the same in {more} more")?,
+                (alike, more) => {
+                    write!(f, "\n  the same in line {}", alike.join(", "))?;
+                    if more > 0 {
+                        write!(f, " and {more} more")?;
+                    }
+                }
             }
         }
         if self.list.len() == MOST_MISTAKES {

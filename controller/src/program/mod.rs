@@ -533,6 +533,14 @@ impl Program {
         self
     }
 
+    /// The line to begin at, if it was named.
+    pub(crate) fn line_to_begin_at(&self) -> Option<u32> {
+        match self.entered {
+            Some(Entered::AtLine(line)) => Some(line),
+            _ => None,
+        }
+    }
+
     /// Has typed lines begin with what these left, instead of with what the programs so far have.
     #[must_use]
     pub fn behind(mut self, memory: gcode::Memory) -> Self {

@@ -145,6 +145,14 @@ pub enum Refusal {
         /// The line of the block with which it can be resumed.
         line: u32,
     },
+    /// The program was to begin in its middle and could not.
+    #[error(
+        "the program did not begin at line {line}, as was told: run it from another line, or from its beginning"
+    )]
+    NotAtLine {
+        /// The line that was asked for.
+        line: u32,
+    },
     /// The program cannot be opened.
     #[error("cannot read {}: {why}", .file.display())]
     Unreadable {

@@ -31,6 +31,8 @@ pub(super) struct Jobs {
     at_work: Option<AtWork>,
     /// The program that can be resumed.
     interrupted: Option<Interrupted>,
+    /// The line at which the program was to begin last, and could not.
+    refused_line: Option<u32>,
     /// What is in effect in the program that is held for lines that are typed in, until such lines have left something.
     aside: Option<ModalState>,
     /// What lines have left that were typed in where that rests.
@@ -88,6 +90,7 @@ impl Jobs {
             count: 0,
             at_work: None,
             interrupted: None,
+            refused_line: None,
             aside: None,
             beside: None,
         }
@@ -182,6 +185,7 @@ impl Jobs {
             why: error.to_string(),
         })?;
         self.loaded = Some(file.to_owned());
+        self.refused_line = None;
         if state != State::Held {
             self.interrupted = None;
         }
@@ -228,7 +232,11 @@ impl Jobs {
                     line: interrupted.line(),
                 });
             }
-            (Command::CycleStart, None) => (JobKind::Program, self.run(None, now)?),
+            // It confirms the line, and not that the whole program begins instead.
+            (Command::CycleStart, None) => match self.refused_line {
+                Some(line) => return Err(Refusal::NotAtLine { line }),
+                None => (JobKind::Program, self.run(None, now)?),
+            },
             (Command::Run { from_line }, _) => (JobKind::Program, self.run(*from_line, now)?),
             (Command::Mdi(lines), _) => (JobKind::Mdi, self.programs.lines(lines)),
             (Command::SetWorkOffset(positions), _) => {
@@ -253,6 +261,9 @@ impl Jobs {
             true => self.beside(program, held, status.line),
             false => program,
         };
+        if kind == JobKind::Program {
+            self.refused_line = None;
+        }
         self.count += 1;
         let job = Job {
             number: self.count,
@@ -383,6 +394,7 @@ impl Jobs {
             (None, JobKind::Program, outcome) => {
                 let is_left = outcome == Outcome::Broken && !it.has_moved;
                 if is_left {
+                    self.refused_line = it.program.line_to_begin_at();
                     (self.aside, self.beside) = it.hold;
                     self.programs.tool_is(tool);
                 } else {

@@ -182,6 +182,56 @@ fn every_mistake_of_a_program_is_told_at_once() {
     assert!(error.contains("17, 18 and 27 more\n"), "{error}");
 }
 
+/// Nothing is said of places that are not known behind a block that could not be read.
+#[test]
+fn a_place_that_is_not_known_makes_no_mistake() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("part.ngc");
+    let file = file.to_str().unwrap();
+    let arcs = "G2 X20 Y10 I5 J0\nG2 X40 Y10 I2 J0\n";
+    for lost in ["G1 X10 Y.0.\n", "G1 X15 Y10 S-1\n", "G1 Y10 X1,5\n"] {
+        fs::write(file, format!("G0 X0 Y200 F500\n{lost}{arcs}")).unwrap();
+        let error = refused(&[PORTAL, file]);
+        assert!(error.contains(":2:"), "{error}");
+        assert_eq!(error.matches("from the centre").count(), 1, "{error}");
+        assert!(
+            error.contains(":4:"),
+            "line 3 led to a place that is known: {error}"
+        );
+    }
+    // Nor of the limits of an axis, up to where a block says again where it is.
+    fs::write(
+        file,
+        "G0 X0 Y0\nG0 X-90,5\nG91 X-1\nX-1\nY-999\nG90 X-2000\n",
+    )
+    .unwrap();
+    let error = refused(&[PORTAL, file]);
+    let told = |line| error.contains(&format!("part.ngc:{line}:"));
+    assert_eq!(
+        [2, 3, 4, 5, 6].map(told),
+        [true, false, false, true, true],
+        "{error}"
+    );
+}
+
+/// The same mistake with other numbers is told with them.
+#[test]
+fn other_numbers_of_the_same_mistake_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("part.ngc");
+    fs::write(
+        &file,
+        "F500 G0 X0\nG2 X20 R.25\nG0 X1\nG2 X30 R0.5\nG4\nG4\n",
+    )
+    .unwrap();
+    let error = refused(&[PORTAL, file.to_str().unwrap()]);
+    assert!(
+        error.contains("the same in line 4: G2 X30 R0.5\n"),
+        "{error}"
+    );
+    assert!(error.contains("the same in line 6"), "{error}");
+}
+
 /// Codes that are none are no one mistake.
 #[test]
 fn codes_that_are_unknown_are_each_told() {

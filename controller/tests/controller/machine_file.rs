@@ -407,6 +407,33 @@ fn every_mistake_is_found_named_and_placed() {
         ),
         (
             "skew_limit = 0.5",
+            "skew_limit = 0.5\nsimulation = { mechanics = \"rigid_beam\", mass = 80, inertia = 15, \
+             span = 1500, carriage = §\"Q\", carriage_mass = 30 }",
+            "axis \"X\": simulation: axis \"Q\" cannot run along its beam",
+            "another linear axis of this machine with one drive: \"Y\" or \"Z\"",
+        ),
+        (
+            "skew_limit = 0.5",
+            "skew_limit = 0.5\nsimulation = { mechanics = \"rigid_beam\", mass = 80, inertia = 15, \
+             span = 1.5, carriage = §\"Y\", carriage_mass = 30 }",
+            "axis \"X\": simulation: axis \"Y\" goes 500 mm from the middle of a beam of 1.5 mm",
+            "`span`, which is in mm",
+        ),
+        (
+            "skew_limit = 0.5",
+            "skew_limit = 0.5\nsimulation = { mechanics = \"rigid_beam\", mass = 80, inertia = 15, \
+             span = 1500, carriage = §\"Y\", carriage_mass = 30, carriage_middle = 10000 }",
+            "axis \"X\": simulation: axis \"Y\" goes 10000 mm from the middle",
+            "`carriage_middle`",
+        ),
+        (
+            "soft_limits = [0.0, 1000.0]",
+            "soft_limits = [0.0, 1000.0]\nsimulation = §{ mechanics = \"rigid_beam\" }",
+            "axis \"Y\": `simulation` where nothing is tied together",
+            "a gantry pair",
+        ),
+        (
+            "skew_limit = 0.5",
             "skew_limit = 0.5\nsimulation = §{ mechanics = \"rigid_beam\", mass = 80, inertia = 15, \
              span = 1500, carriage = \"Y\" }",
             "axis \"X\": simulation: missing key `carriage_mass`",
@@ -637,6 +664,26 @@ fn every_mistake_is_found_named_and_placed() {
     }
     let error = parse("").unwrap_err().to_string();
     assert!(error.starts_with("machine.toml:1:1: machine file: missing key `machine`"));
+}
+
+/// What is right beside a mistake is not told to be another one.
+#[test]
+fn a_mistake_of_a_beam_is_told_alone() {
+    for (from, beam) in [
+        (
+            "skew_limit = 0.5",
+            "mass = 80, inertia = 15, span = 1500, carriage = \"Q\", carriage_mass = 30",
+        ),
+        (
+            "skew_limit = 0.5",
+            "mass = 80, inertia = 15, span = 1500, carriage = 5, carriage_middle = 0, carriage_mass = 30",
+        ),
+        ("soft_limits = [0.0, 1000.0]", "carriage = \"X\""),
+    ] {
+        let beam = format!("{from}\nsimulation = {{ mechanics = \"rigid_beam\", {beam} }}");
+        let told = parse(&portal_with(from, &beam)).unwrap_err();
+        assert_eq!(told.diagnostics.len(), 1, "{told}");
+    }
 }
 
 #[test]

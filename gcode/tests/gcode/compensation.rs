@@ -176,6 +176,13 @@ fn beginning_on_a_contour_is_refused() {
             message.contains(&format!("line {line} is on a compensated contour")),
             "{message}"
         );
+        // It is that line which is shown.
+        let block = program.lines().nth(line as usize - 1).unwrap();
+        assert!(
+            message.starts_with(&format!("part.ngc:{line}:1: ")),
+            "{message}"
+        );
+        assert!(message.contains(&format!("\n  {block}\n")), "{message}");
     }
 }
 

@@ -168,6 +168,19 @@ fn a_program_that_begins_at_a_line_waits_for_cycle_start() {
     let cut = &rows[cut.expect("line 5 leads there")];
     assert_eq!(cut.functions.spindle.turning, Turning::Clockwise);
     assert!(cut.functions.coolant.flood);
+    // Where it cannot begin, no cycle start has the whole program begin instead.
+    go(
+        &mut rig,
+        Command::Run {
+            from_line: Some(99),
+        },
+    );
+    assert_eq!(std::mem::take(&mut rig.problems).len(), 1);
+    go(&mut rig, Command::CycleStart);
+    let refused = rig.refused.pop().expect("it is refused").reason;
+    let is_named = matches!(refused, Refusal::NotAtLine { line: 99 });
+    assert!(is_named, "{refused}");
+    assert_eq!(state(&rig), State::Ready);
     // A stop gives it up, and nothing was switched.
     go(&mut rig, Command::Run { from_line: Some(5) });
     let there = rig.session.status().setpoint;

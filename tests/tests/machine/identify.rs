@@ -423,18 +423,27 @@ fn a_load_behind_a_spring_is_found_and_written() {
 fn an_axis_follows_as_with_gains_for_what_is_true_of_it() {
     let folder = Folder::new();
     let mut dice = Dice(23);
-    let plants = std::iter::repeat_with(|| Plant::drawn(&mut dice));
-    // Whose swing is told, and whose gains their objects hold.
-    let is_told = |plant: &Plant| {
-        let swings = plant
-            .swing
-            .is_some_and(|[hertz, ..]| (8.0..30.0).contains(&hertz));
-        plant.model == "lxm32m" && swings && plant.rated_torque > 2.0
+    // Whose gains their objects hold, and whose swing is told if there is one.
+    let mut drawn = |swings: bool| loop {
+        let plant = Plant::drawn(&mut dice);
+        let is_fit = match plant.swing {
+            Some([hertz, ..]) => swings && (8.0..30.0).contains(&hertz),
+            None => !swings,
+        };
+        if plant.model == "lxm32m" && is_fit && plant.rated_torque > 2.0 {
+            break plant;
+        }
     };
-    for plant in plants.filter(is_told).take(2) {
+    for swings in [true, true, false, false] {
+        let plant = drawn(swings);
         let found = plant.identified(&folder, &[]);
+        let gains = match swings {
+            true => &found["gains"],
+            false => &found["gains_if_stiff"],
+        };
+        assert_eq!(found["gains_if_stiff"].is_null(), swings, "{plant:?}");
         let told: Vec<(u16, u64)> = (1..)
-            .zip(found["gains"]["sdo"].as_array().unwrap())
+            .zip(gains["sdo"].as_array().unwrap())
             .map(|(sub, entry)| (sub, entry[1].as_u64().unwrap()))
             .collect();
         let tuning = Tuning::new(plant.train(), CURRENT_BANDWIDTH);
@@ -480,6 +489,42 @@ fn a_log_says_the_same_without_the_plant() {
     assert_eq!(code, 0, "{errors}");
     let again: Value = serde_json::from_str(json).unwrap();
     assert_eq!(again, first);
+}
+
+/// A log whose torque or times are in other units than it says is of no such axis, which is told and not written.
+#[test]
+fn a_log_that_cannot_be_of_the_axis_is_told() {
+    let folder = Folder::new();
+    let plant = Plant::drawn(&mut Dice(5));
+    let log = folder.path("log.csv");
+    let log = log.to_str().unwrap();
+    plant.identified(&folder, &["--write-log", log]);
+    let machine = folder.file("one.toml", &plant.machine(false));
+    let hundredth = (plant.rated_torque / 100.0).to_string();
+    let mut options = vec!["--axis", "Y", "--log", log, "--rated-torque", &hundredth];
+    let (code, told_alone) = told(&machine, &options);
+    assert_eq!(code, 0, "{told_alone}");
+    options.push("--update");
+    let (code, errors) = told(&machine, &options);
+    assert_eq!(code, 2, "{errors}");
+    assert!(
+        errors.contains("that its `motor` has by the machine file"),
+        "{errors}"
+    );
+    assert_eq!(folder.read("one.toml"), plant.machine(false));
+    let mut rows = folder.read("log.csv");
+    rows = rows.lines().fold(String::new(), |text, row| {
+        let (time, rest) = row.split_once(',').unwrap();
+        let time = time
+            .parse()
+            .map_or(time.to_owned(), |time: f64| (1e3 * time).to_string());
+        text + &time + "," + rest + "\n"
+    });
+    let in_milliseconds = folder.file("ms.csv", &rows);
+    let in_milliseconds = in_milliseconds.to_str().unwrap();
+    let (code, errors) = told(&machine, &["--axis", "Y", "--log", in_milliseconds]);
+    assert_eq!(code, 2, "{errors}");
+    assert!(errors.contains("with times in seconds"), "{errors}");
 }
 
 /// What a machine file has of a key.
