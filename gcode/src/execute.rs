@@ -17,6 +17,7 @@ use super::error::{Fault, Refusal};
 use super::expression::{Scope, Value};
 use super::lexer::Columns;
 use super::messages::message;
+use super::mistakes::Lost;
 use super::modal::{Code, FeedMode, Group, Modes, ProgrammedFeed};
 use super::names::is_signal;
 use super::parameters::{self, INPUT_RESULT, InputResult, Parameters};
@@ -68,10 +69,8 @@ pub(crate) struct State {
     pub(crate) at: Point,
     /// The axes that blocks have sent somewhere; others stand where they were found.
     pub(crate) sent: AxisSet,
-    /// The axes of which it is not known where they are, behind a block that was refused.
-    pub(crate) lost: AxisSet,
-    /// Whether there were such axes before the motion that came last.
-    pub(crate) begins_lost: bool,
+    /// What is not known behind a block that was refused.
+    pub(crate) lost: Lost,
     /// Whether it is known where the block leads that was read last.
     pub(crate) target_is_known: bool,
     /// What G43 and G43.1 added.
@@ -109,8 +108,7 @@ impl State {
         State {
             at: setup.start,
             sent: AxisSet::NONE,
-            lost: AxisSet::NONE,
-            begins_lost: false,
+            lost: Lost::default(),
             target_is_known: false,
             modes: setup.memory.modes.clone(),
             tool_offset: setup.memory.tool_offset,
@@ -177,7 +175,7 @@ impl State {
     }
 
     /// Refuses the word of an axis that the machine does not have.
-    fn has_axis_of(&self, word: &Word) -> Result<(), Refusal> {
+    pub(crate) fn has_axis_of(&self, word: &Word) -> Result<(), Refusal> {
         let axes = self.setup.axes;
         match AxisLetter::from_letter(char::from(word.letter)) {
             Some(axis) if !axes.contains(axis) => {
@@ -237,7 +235,7 @@ impl State {
     }
 
     /// Units, feed mode and F.
-    fn feeds(&mut self, words: &mut Words) -> Result<(), Refusal> {
+    pub(crate) fn feeds(&mut self, words: &mut Words) -> Result<(), Refusal> {
         if let Some(units) = words.code(Group::Units) {
             self.modes.inches = units == Code::G(200);
         }
@@ -259,6 +257,7 @@ impl State {
             let allowed = "0, or a feed from 0.001";
             return Err(words.refuse(b'F', out_of_range('F', number, allowed)));
         }
+        self.lost.feed = false;
         if self.modes.feed_mode != FeedMode::InverseTime {
             self.modes.feed = Some(ProgrammedFeed {
                 number: number.min(GREATEST_FEED),
@@ -285,7 +284,7 @@ impl State {
         }
     }
 
-    fn set_modes(
+    pub(crate) fn set_modes(
         &mut self,
         words: &mut Words,
         commands: &mut VecDeque<Action>,
@@ -336,6 +335,7 @@ impl State {
         }
         if let Some(code) = words.code(Group::Distance) {
             self.modes.incremental = code == Code::G(910);
+            self.lost.distance = false;
         }
         if let Some(code) = words.code(Group::ArcDistance) {
             self.modes.absolute_centers = code == Code::G(901);

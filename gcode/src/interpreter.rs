@@ -596,6 +596,9 @@ impl Interpreter {
         }
         self.state.line = self.line;
         if let Some(flow) = self.block.flow.clone() {
+            if self.loses_the_way() {
+                return Ok(());
+            }
             self.execute_flow(&flow, this)?;
             self.words_seen = true;
             return Ok(());

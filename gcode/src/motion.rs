@@ -39,6 +39,7 @@ impl State {
     ) -> Result<(), Refusal> {
         let explicit = words.code(Group::Motion);
         if let Some(code) = explicit {
+            self.lost.motion = false;
             self.modes.motion = match code {
                 Code::G(0) => Motion::Rapid,
                 Code::G(10) => Motion::Feed,
@@ -121,11 +122,9 @@ impl State {
         }
         let to = self.target(words, code, machine)?;
         self.target_is_known = true;
-        self.begins_lost = !self.lost.is_empty();
-        if machine || !self.modes.incremental {
-            let is_given = |axis: &AxisLetter| words.columns(axis.letter() as u8).is_some();
-            (AxisLetter::ALL.iter().filter(|axis| is_given(axis)))
-                .for_each(|it| self.lost.remove(*it));
+        self.lost.ends = self.lost.is_meant_otherwise() || !self.lost.axes.is_empty();
+        if machine || !self.modes.incremental || self.lost.is_meant_otherwise() {
+            self.find_axes(block, words);
         }
         let moved = self.move_to(to, motion, words, motion_columns, commands);
         // Who looks for further mistakes goes on from where a refused motion was to lead.
@@ -133,6 +132,23 @@ impl State {
             self.at = to;
         }
         moved
+    }
+
+    /// The axes that a block sends to places are there, as far as these are known.
+    fn find_axes(&mut self, block: &Block, words: &Words) {
+        for axis in AxisLetter::ALL {
+            let letter = axis.letter() as u8;
+            if words.columns(letter).is_none() {
+                continue;
+            }
+            let mut of_axis = block.words.iter().filter(|it| it.letter == letter);
+            let by_parameter = of_axis.any(|it| !block.is_constant(&it.value));
+            if self.lost.is_meant_otherwise() || (self.lost.parameters && by_parameter) {
+                self.lost.axes.insert(axis);
+            } else {
+                self.lost.axes.remove(axis);
+            }
+        }
     }
 
     /// Straight or on an arc to a point.
@@ -218,7 +234,7 @@ impl State {
                 self.sent.insert(axis);
             }
         }
-        self.lost = AxisSet::NONE;
+        self.lost.axes = AxisSet::NONE;
         self.at = at;
     }
 

@@ -86,6 +86,8 @@ impl State {
         words: &mut Words,
         commands: &mut VecDeque<Action>,
     ) -> Result<(), Refusal> {
+        // By the place where an axis is.
+        self.lost.offsets |= words.code(Group::Offsets).is_some() && !self.lost.axes.is_empty();
         let Some(code) = words.code(Group::Offsets) else {
             return Ok(());
         };

@@ -107,6 +107,12 @@ impl Words {
         others.min_by_key(|(_, columns)| columns.start)
     }
 
+    /// How many G-codes there are.
+    pub(crate) fn g_codes(&self) -> usize {
+        let codes = self.codes.iter().flatten();
+        codes.filter(|(code, _)| matches!(code, Code::G(_))).count()
+    }
+
     /// Whether the letter is there, used or not.
     pub(crate) fn has(&self, letter: u8) -> bool {
         self.letters[slot(letter)].is_some()

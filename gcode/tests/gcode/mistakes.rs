@@ -99,6 +99,24 @@ fn behind_a_mistake_in_the_flow_each_block_is_judged() {
     }
 }
 
+/// What a comment says is no word that could not be read, and of the others the most is known.
+#[test]
+fn what_can_be_read_of_a_block_takes_effect() {
+    let mut setup = xyz();
+    setup.limits[0] = Some((-9.0, 9.0));
+    for begins in [
+        "G90 G54 G0 X0 Y0 Q3 (GROSS, XFY; S#7=)",
+        "G90 G0 X0 Y0 F1,5 ; GO",
+        "G0 X0 Y0 (",
+        "G91 G0 X0 Y0 X1\nG90",
+    ] {
+        let text = format!("F600\n{begins}\nG1 X10\nX20\nM2");
+        let told = mistakes_with(setup.clone(), &text);
+        let limits = told.iter().filter(|(_, it)| it.contains("its soft limits"));
+        assert_eq!(limits.count(), 2, "{text}: {told:?}");
+    }
+}
+
 #[test]
 fn a_branch_that_is_not_taken_stays_that_behind_a_mistake() {
     let text = "o1 if [0]\nX1,5\nM98 P7\no1 endif\nG41.9\nM2";
@@ -166,6 +184,261 @@ proptest! {
     #[test]
     fn the_mistakes_of_any_program_come_to_an_end(blocks in prop::collection::vec(block(), 1..30)) {
         mistakes_with(xyz(), &blocks.join("\n"));
+    }
+}
+
+/// How far the axes of a good program go, mm.
+const TRAVEL: f64 = 100.0;
+
+/// What a good program does next.
+#[derive(Clone, Debug)]
+enum Step {
+    /// To a place: by which code if it is written, and which axes.
+    Line(Option<&'static str>, [Option<f64>; 3]),
+    /// A part of the way to a place, as increments.
+    Increments([f64; 3]),
+    /// About a centre that lies there from the start, by so many radians.
+    Arc([f64; 2], f64, bool),
+    /// A parameter, and a line to it.
+    Parameter(f64),
+    /// The present place is called that.
+    Shift(f64),
+    Unshift,
+    Drill([f64; 2]),
+    /// Twice forth and back.
+    Repeat(f64),
+    /// What is true.
+    If,
+    Other(&'static str),
+}
+
+fn step() -> impl Strategy<Value = Step> {
+    let place = -90.0..90.0_f64;
+    let maybe = || prop::option::of(-90.0..90.0_f64);
+    let code = prop::option::of(prop::sample::select(vec!["G0", "G1"]));
+    let others = prop::sample::select(vec![
+        "F700",
+        "S900 M3",
+        "M5",
+        "G4 P0.1",
+        "G64 P0.01",
+        "G61",
+        "M8",
+        "M9",
+        "G55",
+        "G54",
+        "G21",
+        "G17",
+        "M64 P1",
+        "T2",
+    ]);
+    prop_oneof![
+        4 => (code, [maybe(), maybe(), maybe()]).prop_map(|(code, to)| Step::Line(code, to)),
+        3 => [-0.9..0.9_f64, -0.9..0.9_f64, -0.9..0.9_f64].prop_map(Step::Increments),
+        3 => ([-9.0..9.0_f64, 1.0..9.0_f64], 0.5..6.0_f64, any::<bool>())
+            .prop_map(|(centre, by, turns)| Step::Arc(centre, by, turns)),
+        2 => place.clone().prop_map(Step::Parameter),
+        1 => place.prop_map(Step::Shift),
+        1 => Just(Step::Unshift),
+        1 => [-80.0..80.0_f64, -80.0..80.0_f64].prop_map(Step::Drill),
+        1 => (1.0..9.0_f64).prop_map(Step::Repeat),
+        1 => Just(Step::If),
+        3 => others.prop_map(Step::Other),
+    ]
+}
+
+/// A program without a mistake.
+struct Good {
+    blocks: Vec<String>,
+    /// In the machine.
+    at: [f64; 3],
+    /// Where the program has its zero.
+    zero: [f64; 3],
+    is_incremental: bool,
+    /// Which lines a block without a code goes along.
+    is_line: bool,
+}
+
+impl Good {
+    fn of(steps: &[Step]) -> Vec<String> {
+        let mut good = Self {
+            blocks: vec!["G21 G17 G90 G94 G40 G49 G80 F500 G0 X0 Y0 Z0".to_owned()],
+            at: [0.0; 3],
+            zero: [0.0; 3],
+            is_incremental: false,
+            is_line: true,
+        };
+        for (number, step) in steps.iter().enumerate() {
+            good.go(number, step);
+        }
+        good.blocks.push("M2".to_owned());
+        good.blocks
+    }
+
+    /// A block to places in the machine, in the distance mode that is asked for.
+    fn block(&mut self, code: &str, to: [Option<f64>; 3], is_incremental: bool) {
+        let mut block = String::new();
+        if is_incremental != self.is_incremental {
+            block += if is_incremental { "G91 " } else { "G90 " };
+            self.is_incremental = is_incremental;
+        }
+        block += code;
+        for (axis, to) in to.into_iter().enumerate() {
+            let Some(to) = to else { continue };
+            let from = if is_incremental {
+                self.at[axis]
+            } else {
+                self.zero[axis]
+            };
+            let written = ((to - from) * 1e4).round() / 1e4;
+            self.at[axis] = from + written;
+            block += &format!(" {}{written}", ["X", "Y", "Z"][axis]);
+        }
+        self.blocks.push(block);
+    }
+
+    fn go(&mut self, number: usize, step: &Step) {
+        match *step {
+            Step::Line(code, to) => {
+                let to = match to {
+                    [None, None, None] => [Some(0.0), None, None],
+                    to => to,
+                };
+                let code = code.unwrap_or(if self.is_line { "" } else { "G1" });
+                self.block(code, to, false);
+                self.is_line = true;
+            }
+            Step::Increments(parts) => {
+                let at = self.at;
+                let to = std::array::from_fn(|axis| {
+                    // A part of what is left of the travel.
+                    let room = if parts[axis] > 0.0 {
+                        TRAVEL - at[axis]
+                    } else {
+                        TRAVEL + at[axis]
+                    };
+                    Some(at[axis] + 0.1 * parts[axis] * room)
+                });
+                let code = if self.is_line { "" } else { "G1" };
+                self.block(code, to, true);
+                self.is_line = true;
+            }
+            Step::Arc([i, j], by, turns_left) => {
+                let (centre, radius) = ([self.at[0] + i, self.at[1] + j], i.hypot(j));
+                if centre.iter().any(|it| it.abs() + radius > TRAVEL - 1.0) {
+                    return;
+                }
+                let angle = (-j).atan2(-i) + if turns_left { by } else { -by };
+                let to = [
+                    Some(centre[0] + radius * angle.cos()),
+                    Some(centre[1] + radius * angle.sin()),
+                    None,
+                ];
+                self.block(
+                    if turns_left { "G3" } else { "G2" },
+                    to,
+                    self.is_incremental,
+                );
+                let last = self.blocks.last_mut().unwrap();
+                *last += &format!(" I{i:.4} J{j:.4}");
+                self.is_line = false;
+            }
+            Step::Parameter(to) => {
+                let value = ((to - self.zero[0]) * 1e4).round() / 1e4;
+                self.blocks.push(format!("#7 = {value}"));
+                self.block("G1", [Some(value + self.zero[0]), None, None], false);
+                let last = self.blocks.last_mut().unwrap();
+                let end = last.rfind('X').unwrap();
+                last.replace_range(end.., "X#7");
+                self.is_line = true;
+            }
+            Step::Shift(called) => {
+                let called = called.round();
+                self.zero[0] = self.at[0] - called;
+                self.blocks.push(format!("G92 X{called}"));
+            }
+            Step::Unshift => {
+                self.zero = [0.0; 3];
+                self.blocks.push("G92.1".to_owned());
+            }
+            Step::Drill([x, y]) => {
+                self.block("G0", [Some(x), Some(y), Some(50.0)], false);
+                self.block("G81 R20", [None, None, Some(-20.0)], false);
+                self.at[2] = 50.0;
+                self.blocks.push("G80".to_owned());
+                self.is_line = false;
+            }
+            Step::Repeat(way) => {
+                self.block("G1", [Some(0.0), None, None], false);
+                self.blocks.push(format!("o{number} repeat [2]"));
+                self.block("G1", [None, Some(way), None], false);
+                self.block("", [None, Some(0.0), None], false);
+                self.blocks.push(format!("o{number} endrepeat"));
+                self.is_line = true;
+            }
+            Step::If => {
+                self.blocks.push(format!("o{number} if [#7 LT 1000]"));
+                self.block("G1", [Some(1.0), None, None], false);
+                self.blocks.push(format!("o{number} endif"));
+                self.is_line = true;
+            }
+            Step::Other(block) => self.blocks.push(block.to_owned()),
+        }
+    }
+}
+
+/// A block with one mistake.
+fn spoilt(block: &str, how: usize) -> String {
+    let appended = [
+        " Z.0.", " E5", " S-1", " G16", " G999", " X", " ?", " [", " F-5", " T-1", " G41.5",
+        " P1 P1", " Y1,5", " F1,5",
+    ];
+    match appended.get(how) {
+        Some(appended) => format!("{block}{appended}"),
+        // A comma for a point, or a letter for a digit.
+        None if how % 2 == 0 && block.contains('.') => block.replacen('.', ",", 1),
+        None if block.contains(['0', '1', '5']) => block.replacen(['0', '1', '5'], "o", 1),
+        None => format!("{block} $"),
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(1000) })]
+
+    /// What is right of a program is not told to be a mistake, wherever and whatever the one is that it has; a second one that is one
+    /// whatever comes before it is told, too.
+    #[test]
+    fn all_mistakes_are_told_and_nothing_else(
+        steps in prop::collection::vec(step(), 1..25),
+        (place, how) in (any::<prop::sample::Index>(), 0..17_usize),
+        (second, written) in (any::<prop::sample::Index>(), prop::option::of(0..4_usize)),
+    ) {
+        let mut setup = xyz();
+        setup.tables.tools.insert(2, Tool::default());
+        for limits in setup.limits.iter_mut().take(3) {
+            *limits = Some((-TRAVEL, TRAVEL));
+        }
+        let mut blocks = Good::of(&steps);
+        let good = mistakes_with(setup.clone(), &blocks.join("\n"));
+        prop_assert_eq!(good, [], "{:#?}", blocks);
+        let [place, second] = [place, second].map(|it| it.index(blocks.len() - 1));
+        blocks[place] = spoilt(&blocks[place], how);
+        let mut expected = vec![place + 1];
+        let mut may_be_missed = None;
+        if let Some(written) = written.filter(|_| second != place) {
+            blocks[second] += [" Z.0.", " ?", " G999", " X"][written];
+            expected.push(second + 1);
+            // Behind a branch that is broken, or goes by what is not known, each block is judged by itself, where it may be none.
+            may_be_missed = (blocks[second].starts_with(['o', '#']) && second < place).then_some(place + 1);
+        }
+        expected.sort_unstable();
+        let told = mistakes_with(setup, &blocks.join("\n"));
+        let mut lines: Vec<usize> = told.iter().map(|(line, _)| *line as usize).collect();
+        // A loop makes it twice.
+        lines.sort_unstable();
+        lines.dedup();
+        expected.retain(|line| may_be_missed != Some(*line) || lines.contains(line));
+        prop_assert!(lines == expected, "{:#?}\n{}", told, blocks.join("\n"));
     }
 }
 
