@@ -189,7 +189,7 @@ fn a_place_that_is_not_known_makes_no_mistake() {
     let file = folder.path().join("part.ngc");
     let file = file.to_str().unwrap();
     let arcs = "G2 X20 Y10 I5 J0\nG2 X40 Y10 I2 J0\n";
-    for lost in ["G1 X10 Y.0.\n", "G1 X15 Y10 S-1\n", "G1 Y10 X1,5\n"] {
+    for lost in ["G1 X10 Y.0.\n", "G1 X15, Y10\n", "G1 Y10 X1,5\n"] {
         fs::write(file, format!("G0 X0 Y200 F500\n{lost}{arcs}")).unwrap();
         let error = refused(&[PORTAL, file]);
         assert!(error.contains(":2:"), "{error}");
