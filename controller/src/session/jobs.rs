@@ -151,7 +151,7 @@ impl Jobs {
         match at_work {
             Some(_) if machine == State::Ready && shown == State::Stopping => shown,
             // Stopped where it rested, within a cycle.
-            Some(AtWork { is_over: true, .. })
+            None | Some(AtWork { is_over: true, .. })
                 if machine == State::Ready && shown == State::Held =>
             {
                 State::Stopping
