@@ -344,12 +344,13 @@ impl AxisWatches {
             return;
         }
         let position = row.plan.position[at];
+        // The sides of a gantry are that far from its middle, by which it is planned.
+        let half = 0.5 * row.axes[at].apart.abs();
         let (mut min, mut max) = self.limits.position;
         if !self.referenced || row.axes[at].in_homing {
             (min, max) = (f64::NEG_INFINITY, f64::INFINITY);
         } else if row.cycle != self.next {
             // The encoder's noise of a machine that is frozen at a limit is no violation.
-            let half = 0.5 * row.axes[at].apart.abs();
             (min, max) = (min.min(position - half), max.max(position + half));
             self.limits.position = (min, max);
         }
@@ -369,7 +370,7 @@ impl AxisWatches {
             (min - position).max(position - max).max(0.0),
             self.off_compensated(&row.axes[at]),
         ];
-        let beyond = (self.compensation.as_ref()).map_or(0.0, Compensation::greatest);
+        let beyond = half + (self.compensation.as_ref()).map_or(0.0, Compensation::greatest);
         let of_sent = (min - beyond, max + beyond);
         let sent = sent.map_or([0.0; SENT], |sent| self.latch(row, sent, of_sent));
         let AxisLimits {
