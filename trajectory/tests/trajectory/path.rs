@@ -2,6 +2,7 @@
 
 use crate::machine::Machine;
 use proptest::prelude::*;
+use syncline_trajectory::limits::PositionLimits;
 use syncline_trajectory::path::{
     Command, Curve, Executor, Feed, Limits, Move, Overrides, PathControlMode, PathItem, Plane,
     Planner, Setpoint, blend::blend, curve::ArcDefinition,
@@ -453,6 +454,75 @@ fn zigzag(lines: u32) -> (Planner<3>, Executor<3>) {
     }
     planner.finish();
     (planner, Executor::new([0.0; 3], PERIOD))
+}
+
+/// An axis that stands, or begins, a little beyond its soft limit takes no rounding and no curve away from the others.
+#[test]
+fn an_axis_beside_its_soft_limit_takes_no_curve_away() {
+    let far = PositionLimits {
+        min: -1e3,
+        max: 1e3,
+    };
+    let most = PositionLimits {
+        min: -300.0,
+        max: 0.0,
+    };
+    for short in [false, true] {
+        let motion = |z: f64, leads_in: f64| {
+            let place = |n: u32| match short {
+                true => {
+                    let angle = 0.05 * f64::from(n);
+                    [
+                        20.0 * angle.cos(),
+                        20.0 * angle.sin(),
+                        z - f64::from(n) * leads_in,
+                    ]
+                }
+                false => [
+                    f64::from(n) * 20.0,
+                    f64::from(n % 2) * 5.0,
+                    z - f64::from(n) * leads_in,
+                ],
+            };
+            let mut planner = Planner::new(LIMITS, place(0));
+            planner.keep_within([far, far, most]);
+            let mut executor = Executor::new(place(0), PERIOD);
+            for n in 0..60 {
+                let line = Move {
+                    curve: Curve::line(place(n), place(n + 1)).unwrap(),
+                    feed: Feed::Rate(100.0),
+                    mode: PathControlMode::Blend(0.05),
+                    tag: n,
+                };
+                planner.push(PathItem::Move(line)).unwrap();
+                while let Some(command) = planner.pop() {
+                    assert!(executor.accept(command));
+                }
+            }
+            planner.finish();
+            let mut cycles = 0;
+            loop {
+                while let Some(command) = (executor.room() > 0).then(|| planner.pop()).flatten() {
+                    assert!(executor.accept(command));
+                }
+                if executor.is_idle() {
+                    return cycles;
+                }
+                executor.advance();
+                cycles += 1;
+            }
+        };
+        for leads_in in [0.0, 1e-3] {
+            let inside = motion(-1.0, leads_in);
+            for beyond in [2e-8, 2e-5, 0.01] {
+                let beside = motion(beyond, leads_in);
+                assert!(
+                    beside <= inside + 1,
+                    "{beside} cycles beside, {inside} inside"
+                );
+            }
+        }
+    }
 }
 
 /// A planner so slow that what it plans comes too late: the path rests on the way where it has to,

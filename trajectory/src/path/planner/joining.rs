@@ -461,10 +461,16 @@ fn joint_speed<const N: usize>(
     speeds[0].min(speeds[1])
 }
 
-/// Whether a curve stays between these positions, but for rounding.
+/// Whether a curve stays between these positions, but for rounding; a coordinate that one of its ends has beyond them goes no further.
 fn inside<const N: usize>(curve: &Curve<N>, bounds: &[PositionLimits; N]) -> bool {
     let (low, high) = curve.bounds();
-    (0..N).all(|i| low[i] >= bounds[i].min - NOTHING && high[i] <= bounds[i].max + NOTHING)
+    let ends = [curve.start(), curve.end()];
+    (0..N).all(|i| {
+        let [from, to] = ends.map(|end| end[i]);
+        let least = bounds[i].min.min(from).min(to);
+        let most = bounds[i].max.max(from).max(to);
+        low[i] >= least - NOTHING && high[i] <= most + NOTHING
+    })
 }
 
 /// Whether a curve, crawled along from rest to rest, takes no longer than the segments between these points
