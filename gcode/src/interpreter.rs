@@ -278,7 +278,7 @@ impl Interpreter {
     /// its end, as if it went on there.
     pub fn memory(&self) -> Memory {
         let mut memory = Memory {
-            modes: self.state.modes.clone(),
+            modes: self.modes().clone(),
             tool_offset: self.state.tool_offset,
             g92_applies: self.state.g92_applies,
             parameters: self.state.parameters.clone(),

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use proptest::prelude::*;
-use syncline_gcode::{Interpreter, Setup, Tool};
+use syncline_gcode::{Action, InEffect, Interpreter, Place, Point, Setup, Tool};
 
 use super::listing::{listing_with, places, refusals_with, run_with, xyz};
 
@@ -229,9 +229,27 @@ fn no_cycle_goes_on_along_a_contour() {
 fn in_effect(program: &str) -> BTreeMap<u32, Vec<String>> {
     let mut interpreter = Interpreter::from_text("part.ngc", program, with_cutters());
     let mut lines = BTreeMap::<_, Vec<_>>::new();
-    while let Some(command) = interpreter.next() {
+    for passed in 0.. {
+        let Some(command) = interpreter.next() else {
+            break;
+        };
         let command = command.unwrap_or_else(|error| panic!("{error}\n{program}"));
         let modes = interpreter.modes().to_string();
+        if command.action != Action::End {
+            // Lines that are typed there begin with that.
+            let mut held = Interpreter::from_text("part.ngc", program, with_cutters());
+            let place = Place {
+                passed,
+                known: Some((passed, command.span.line)),
+            };
+            let entered = held.enter_at(&place, Point::ZERO, &InEffect::default(), &[]);
+            entered.unwrap_or_else(|error| panic!("{error}\n{program}"));
+            assert_eq!(
+                held.memory().modes().to_string(),
+                modes,
+                "{passed}\n{program}"
+            );
+        }
         // Without the code of compensation itself.
         let modes = modes.replace("G41.1", "G40").replace("G42.1", "G40");
         let told = format!("{modes} {:?}", interpreter.coordinates());
