@@ -31,7 +31,7 @@ pub(super) struct Jobs {
     at_work: Option<AtWork>,
     /// The program that can be resumed.
     interrupted: Option<Interrupted>,
-    /// The line at which the program was to begin last, and could not.
+    /// The line at which the program was asked to begin last, where it has not.
     refused_line: Option<u32>,
     /// What is in effect in the program that is held for lines that are typed in, until such lines have left something.
     aside: Option<ModalState>,
@@ -261,9 +261,6 @@ impl Jobs {
             true => self.beside(program, held, status.line),
             false => program,
         };
-        if kind == JobKind::Program {
-            self.refused_line = None;
-        }
         self.count += 1;
         let job = Job {
             number: self.count,
@@ -338,6 +335,11 @@ impl Jobs {
         Ok(program.wait_at_the_line())
     }
 
+    /// A program is asked to begin, at that line if one is named; whether it does is not known yet.
+    pub(super) fn asked_for(&mut self, line: Option<u32>) {
+        self.refused_line = line;
+    }
+
     /// The job did not begin: what it was to take the place of is at work as before.
     pub(super) fn refused(&mut self, number: u64) {
         if let Some(it) = self.at_work.take_if(|it| it.job.number == number) {
@@ -364,7 +366,7 @@ impl Jobs {
             it.program.begin_with(now.outputs, now.coolant);
         }
         if kind == JobKind::Program {
-            self.interrupted = None;
+            (self.interrupted, self.refused_line) = (None, None);
             it.hold = (self.aside.take(), self.beside.take());
         } else if let Some(before) = before
             && let Some((start, place)) = held

@@ -95,6 +95,8 @@ struct Desk {
     passes_user_codes: bool,
     /// The call of which it has still to say so.
     user_call: Option<u32>,
+    /// The tool whose change was given up since the last row, which may have it still.
+    given_up: Option<u32>,
     /// How long programs still take, if somebody wants to know.
     remaining: Option<Remaining>,
     /// What the job at work has switched.
@@ -185,6 +187,7 @@ impl<T: Timeline> Session<T> {
                 recorder: None,
                 passes_user_codes: true,
                 user_call: None,
+                given_up: None,
                 remaining: None,
                 functions: MachineFunctions::default(),
                 coordinates: layout.axes.iter().map(|axis| axis.coordinate).collect(),
@@ -340,6 +343,9 @@ impl Desk {
     /// What a command comes to in the state that the machine is in.
     fn ask(&mut self, issued: &Issued) -> Result<Asked, Refusal> {
         let Issued { command, source } = issued;
+        if let (Command::Run { from_line }, Some(jobs)) = (command, &mut self.jobs) {
+            jobs.asked_for(*from_line);
+        }
         let shown = self.status.state;
         let state = (self.jobs.as_ref()).map_or(shown, |jobs| jobs.expected(shown));
         // The cycle asks the table about all others, as their orders take effect.
@@ -610,6 +616,7 @@ impl Desk {
                     control::Event::JobOver { job, outcome } => self.ended(job, outcome),
                     control::Event::Paused { line, .. } => self.job.pauses(line),
                     control::Event::Retracing => self.job.steps_back(),
+                    control::Event::ToolNotChanged { asked, .. } => self.given_up = Some(asked),
                     control::Event::Probed { line, .. }
                     | control::Event::Threaded { line, .. }
                     | control::Event::ProgramHomed { line } => {
@@ -701,7 +708,9 @@ impl Desk {
             moves: &self.job.moves,
             tag: self.job.tag,
         });
-        self.show_tool(row.functions.tool);
+        if self.given_up.take() != Some(row.functions.tool) {
+            self.show_tool(row.functions.tool);
+        }
         if let Some(recorder) = &mut self.recorder {
             recorder.observe(row, self.state, self.job.line);
         }

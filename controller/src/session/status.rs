@@ -306,10 +306,14 @@ impl Desk {
 
     /// Shows the state, and tells a change of it.
     pub(super) fn show_state(&mut self) {
-        let jobs = self.jobs.as_ref();
-        let shown = self.status.state;
-        let state = jobs.map_or(self.state, |jobs| jobs.state(self.state, shown));
-        if std::mem::replace(&mut self.status.state, state) != state {
+        loop {
+            let jobs = self.jobs.as_ref();
+            let shown = self.status.state;
+            let state = jobs.map_or(self.state, |jobs| jobs.state(self.state, shown));
+            if state == shown {
+                return;
+            }
+            self.status.state = state;
             self.outlets.tell(Event::State(state));
         }
     }

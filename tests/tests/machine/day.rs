@@ -181,6 +181,15 @@ fn a_program_that_begins_at_a_line_waits_for_cycle_start() {
     let is_named = matches!(refused, Refusal::NotAtLine { line: 99 });
     assert!(is_named, "{refused}");
     assert_eq!(state(&rig), State::Ready);
+    // Also where it was not the time for it.
+    go(&mut rig, Command::Run { from_line: None });
+    go(&mut rig, Command::Disable);
+    go(&mut rig, Command::Run { from_line: Some(4) });
+    go(&mut rig, Command::Enable);
+    go(&mut rig, Command::CycleStart);
+    let refused = rig.refused.drain(..).last().expect("it is refused").reason;
+    let is_named = matches!(refused, Refusal::NotAtLine { line: 4 });
+    assert!(is_named, "{refused}");
     // A stop gives it up, and nothing was switched.
     go(&mut rig, Command::Run { from_line: Some(5) });
     let there = rig.session.status().setpoint;

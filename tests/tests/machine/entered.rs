@@ -481,6 +481,12 @@ fn a_tool_change_that_is_given_up_is_none() {
         assert_eq!(rig.events.contains(&told), typed.is_none());
         mdi(&mut rig, "G4 P0.01");
         assert_eq!(rig.session.status().tool, tool, "typed lines begin with it");
+        mdi(&mut rig, "G90 G0 X#5400");
+        assert_eq!(
+            rig.session.status().setpoint[0],
+            f64::from(tool),
+            "and count it"
+        );
     }
 }
 
