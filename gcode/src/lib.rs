@@ -68,6 +68,7 @@ pub use interpreter::Interpreter;
 pub use lexer::Columns;
 pub use memory::{Memory, Unlike};
 pub use modal::{Code, FeedMode, Modes, Motion, ProgrammedFeed};
+pub use motion::LIMIT_NOISE;
 pub use names::MachineNames;
 pub use probe::Probed;
 pub use source::{Input, MAX_LINE};

@@ -23,7 +23,7 @@ const FEED_ROUNDING: f64 = 1e-7;
 const LIMIT_ROUNDING: f64 = 1e-9;
 /// An axis stands where its encoder says: a program that begins outside of its soft limits by no more than this may come back
 /// to there. mm or degrees.
-const LIMIT_NOISE: f64 = 0.01;
+pub const LIMIT_NOISE: f64 = 0.01;
 /// An axis that no block has sent anywhere may stand so far beside where it is to be, mm: two increments of a usual encoder, and
 /// what a display rounds off.
 const FOUND_BESIDE: f64 = 0.002;

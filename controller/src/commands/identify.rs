@@ -222,13 +222,13 @@ impl Args {
     ) -> Result<String, Box<dyn Error>> {
         let estimate = estimate(&log.samples, &moved.shaft)?;
         let identified = Identified::new(machine, moved, &log.samples, estimate);
-        if let Some(too_light) = identified.too_light.as_ref().filter(|_| self.update) {
-            return Err(too_light.clone().into());
-        }
         if let Some(page) = page {
             let mut page = page.begin()?;
             page.write_all(identified.to_html(&machine.name).as_bytes())?;
             page.flush()?;
+        }
+        if let Some(too_light) = identified.too_light.as_ref().filter(|_| self.update) {
+            return Err(too_light.clone().into());
         }
         self.put(&identified, identified.settings(), json)?;
         Ok(identified.to_string())

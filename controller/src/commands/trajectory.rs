@@ -6,7 +6,7 @@ use super::{Exit, with_causes};
 use crate::machine::{Axis, COORDINATES, Machine, Motion};
 use crate::observe::sampled::{SampledMotion, Samples};
 use crate::observe::summary::Summary;
-use crate::program::Program;
+use crate::program::{Program, Programs};
 use crate::recording::Recording;
 use crate::validate::Inputs;
 use crate::validate::cause::Again;
@@ -14,6 +14,7 @@ use std::error::Error;
 use std::fmt::Write as _;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use syncline_gcode::LIMIT_NOISE;
 use syncline_trajectory::sampled::Sampled;
 
 /// Names of columns of times, s: of our own traces, of a ROS `JointTrajectory`, and of `--columns`.
@@ -97,12 +98,15 @@ impl Trajectory {
         let Some(file) = &self.trajectory else {
             return Err("no trajectory".into());
         };
-        let inputs = Inputs::read(machine_file, settings, None)?;
+        let mut inputs = Inputs::read(machine_file, settings, None)?;
         let mut claims =
             Claims::of_machine(machine_file, &inputs.machine).reads("--trajectory", file);
         let json: Option<Target> = claims.open("--json", json)?;
         let recording = Recording::read(file, self.columns.as_deref())?;
-        let samples = self.samples(&inputs.machine, &recording)?;
+        let mut samples = self.samples(&inputs.machine, &recording)?;
+        if stand_where_they_begin(&mut inputs.machine, &mut samples) {
+            inputs.programs = Programs::new(&inputs.machine, machine_file)?;
+        }
         let step = self.step(&recording)?;
         let judged = SampledMotion::judge(&samples, step);
         let again = |program: &Program, summary: &Summary| {
@@ -217,6 +221,26 @@ impl Trajectory {
         }
         Ok(samples)
     }
+}
+
+/// An axis may stand beside its soft limits, by what an encoder's noise is, as when a program begins: where it begins is within them
+/// then. Whether there is such an axis.
+fn stand_where_they_begin(machine: &mut Machine, samples: &mut [Samples]) -> bool {
+    let mut any = false;
+    for it in samples {
+        let first = it.positions.first().copied().unwrap_or_default();
+        let (least, most) = it.range;
+        let beyond = (least - first).max(first - most);
+        if beyond > 0.0 && beyond <= LIMIT_NOISE {
+            it.range = (least.min(first), most.max(first));
+            let mut axes = machine.axes.iter_mut();
+            if let Some(axis) = axes.find(|axis| axis.name() == it.name) {
+                axis.limits.position = it.range;
+                any = true;
+            }
+        }
+    }
+    any
 }
 
 /// The program that leads to the first sample and then along all of them, or why there is none.

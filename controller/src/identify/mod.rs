@@ -361,7 +361,7 @@ pub struct Identified {
     /// cannot be.
     pub simulation: Vec<Key>,
     /// Why it cannot be what the machine file names.
-    #[serde(skip)]
+    #[serde(serialize_with = "told")]
     pub too_light: Option<TooLight>,
     /// What its drive can be sent with its setpoints, if it adds that to its loops' torque.
     pub feed_forward: Option<FeedForward>,
@@ -374,6 +374,11 @@ pub struct Identified {
     drives: Vec<String>,
     #[serde(skip)]
     rotary: bool,
+}
+
+/// A mistake by its words.
+fn told<S: serde::Serializer>(mistake: &Option<TooLight>, to: S) -> Result<S::Ok, S::Error> {
+    mistake.as_ref().map(TooLight::to_string).serialize(to)
 }
 
 /// A key of `[axis.simulation]` with what was found.
@@ -567,10 +572,14 @@ impl fmt::Display for Identified {
         let Some(gains) = &self.gains_if_stiff else {
             return Ok(());
         };
+        let others = match &self.gains {
+            Some(_) => "those before are for one that may swing",
+            None => "it may swing, and none are told for that,",
+        };
         writeln!(
             f,
-            "\ngains for a load that is stiff: those before are for one that may swing above {seen_to_hz:.0} Hz, where the log shows \
-             nothing; try these behind them, and go back where the axis hums"
+            "\ngains for a load that is stiff: {others} above {seen_to_hz:.0} Hz, where the log shows nothing; try these with care, and \
+             go back where the axis hums"
         )?;
         self.tell_gains(gains, f)
     }

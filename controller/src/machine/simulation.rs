@@ -517,7 +517,8 @@ pub(super) fn check(log: &mut Log<'_>, axis: &Axis, axes: &[Axis]) {
         let (least, most) = mover.limits.position;
         let middle = carriage.middle_of(mover);
         let furthest = (middle - least).max(most - middle);
-        let span = 1e3 * beam.span;
+        // In mm as the file has it, without what that was rounded by in m.
+        let span = (1e9 * beam.span).round() / 1e6;
         // As far beyond an end as to it from the middle, no carriage is on its beam.
         if furthest > span {
             log.report(

@@ -7,6 +7,8 @@ use syncline_gcode as gcode;
 /// How many mistakes of a program are told, and of how many lines of the same one.
 const MOST_MISTAKES: usize = 50;
 const MOST_LINES: usize = 12;
+/// How many characters of a block are told with its line.
+const LONGEST_BLOCK: usize = 60;
 
 /// A mistake of a program, and where it is made again.
 #[derive(Debug)]
@@ -83,7 +85,14 @@ impl Mistake {
 
     fn is_again_in(&mut self, error: &gcode::Error) {
         let is_told = error.fault.to_string() == self.first.fault.to_string();
-        let block = || error.shown_block().trim().to_owned();
+        let block = || {
+            let block = error.shown_block();
+            let block = block.trim();
+            match block.char_indices().nth(LONGEST_BLOCK) {
+                Some((end, _)) => format!("{} …", &block[..end]),
+                None => block.to_owned(),
+            }
+        };
         self.lines.push(Again {
             line: error.line,
             otherwise: (!is_told).then(block),
@@ -106,7 +115,7 @@ impl fmt::Display for Mistakes {
             let alike: Vec<String> = alike.map(|it| it.line.to_string()).collect();
             match (&alike[..], mistake.more) {
                 ([], 0) => {}
-                ([], more) => write!(f, "\n  the same in {more} more")?,
+                ([], more) => write!(f, "\n  the same in {more} more lines")?,
                 (alike, more) => {
                     write!(f, "\n  the same in line {}", alike.join(", "))?;
                     if more > 0 {

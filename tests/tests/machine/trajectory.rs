@@ -114,6 +114,20 @@ fn our_own_trace_passes_and_fails_on_a_slower_machine() {
     assert!((told - mean).abs() < 1e-6 * mean, "{told} {mean}");
 }
 
+/// An axis that begins beside its soft limit by an encoder's noise stands there, as when a program begins.
+#[test]
+fn a_trace_may_begin_where_an_encoder_says() {
+    let side = Side::new();
+    let trace = side.trace();
+    for (least, passes) in [(0.004, true), (0.02, false)] {
+        let limits = format!("axis.Y.soft_limits=[{least}, 300]");
+        let (code, json, errors) = side.judge(&trace, &["--set", &limits]);
+        assert_eq!(code == 0, passes, "{errors} {json:#}");
+        let told = &limit(&json, "Y", "position")["judgement"];
+        assert_eq!(told, if passes { "kept" } else { "exceeded" }, "{json:#}");
+    }
+}
+
 /// The same motion as LinuxCNC and ROS write it has the same means, to what the digits allow.
 #[test]
 fn samples_of_others_are_read() {
