@@ -138,7 +138,9 @@ fn model(
 ) -> Option<(&'static Model, Described)> {
     let free = "a text that is not empty and no built-in model's name";
     let name = table.text(log, "name", free, |name| {
-        !name.trim().is_empty() && Model::by_name(name).is_none()
+        let is_of_a_model =
+            |it: &Model| it.name == name || it.title.eq_ignore_ascii_case(name.trim());
+        !name.trim().is_empty() && !MODELS.iter().any(|model| is_of_a_model(model))
     });
     let maker = table.text_if(log, "maker", "a text", |_| true);
     let generic = MODELS.iter().filter(|model| model.is_generic());

@@ -236,6 +236,12 @@ const RIGID_BEAM: &str = "rigid_beam";
 const ALLOWED: &str = "a table [axis.simulation]; see docs/machine-file.md";
 
 impl FeedAxis {
+    /// The mechanical ends of its travel, mm or degrees, if it has any.
+    #[must_use]
+    pub fn end_stops(&self) -> Option<(f64, f64)> {
+        self.end_stops
+    }
+
     /// What turns it.
     #[must_use]
     pub fn motor(&self) -> Motor {

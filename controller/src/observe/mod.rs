@@ -62,7 +62,7 @@ pub mod travel;
 
 use crate::control::fault::{AxisCause, Fault};
 use crate::control::layout::Layout;
-use crate::control::{Controller, End, Event, LostReference, Phase, Row};
+use crate::control::{Cause, Controller, End, Event, LostReference, Phase, Row};
 use crate::machine::{Axis, COORDINATES, Machine, Position, Validation};
 use crate::program::bounds::TimeBounds;
 use crate::program::{Extent, Moves, counted_speed};
@@ -486,12 +486,17 @@ impl Observers {
             let turned = extent.turned - self.travel.turned_deg;
             [length, turned].map(|left| left.max(0.0))
         });
+        let lags = |cause| {
+            use Cause::{DriveError, FollowingError, NotFollowing, Skew};
+            matches!(cause, DriveError | NotFollowing | FollowingError | Skew)
+        };
         // Along samples the rows go on behind the one that was refused.
         let refused = self.fault.filter(|_| self.samples.is_some());
         let refused = refused.map(|(_, at)| at);
         Stopped {
             line: refused.map_or(self.line, |it| it.line),
             axis: blamed.map(Axis::name),
+            may_lag: matches!(end, Some(End::Fault(fault)) if lags(fault.cause())),
             sample_refused: matches!(
                 end,
                 Some(End::Fault(Fault::Axis(

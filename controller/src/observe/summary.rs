@@ -118,6 +118,9 @@ pub struct Stopped {
     /// The axis whose fault it was, or a drive of it had.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub axis: Option<&'static str>,
+    /// It may have been that this axis did not follow.
+    #[serde(skip)]
+    pub may_lag: bool,
     /// A setpoint of samples that others have planned was beyond a limit, and was not sent.
     #[serde(skip_serializing_if = "is_zero")]
     pub sample_refused: bool,

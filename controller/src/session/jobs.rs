@@ -335,9 +335,12 @@ impl Jobs {
         Ok(program.wait_at_the_line())
     }
 
-    /// A program is asked to begin, at that line if one is named; whether it does is not known yet.
+    /// A program is asked to begin, at that line if one is named; whether it does is not known yet. What is asked in the midst of another
+    /// one is refused, and says nothing of the next.
     pub(super) fn asked_for(&mut self, line: Option<u32>) {
-        self.refused_line = line;
+        if self.at_work.is_none() {
+            self.refused_line = line;
+        }
     }
 
     /// The job did not begin: what it was to take the place of is at work as before.

@@ -9,6 +9,7 @@
 //! - `gains`: without what `sdo` sets in its drives, which have the gains then that suit the axis,
 //! - `structure`: with a structure that does not sway along one axis: then the axes follow, and only an input shaper or
 //!   gentler motion helps,
+//! - `end_stops`: without the mechanical ends of its travel, which it met,
 //! - `motor`: with the next greater generic motors. A motor changes nothing of what loops can be on an axis that
 //!   gives way,
 //! - `transmission`: with the usual stiffness of its kind, where the file states less,
@@ -140,9 +141,9 @@ fn failed<'a>(machine: &'a Machine, summary: &Summary) -> Option<(f64, &'a Axis)
     Some((first.time, axis))
 }
 
-/// The axis whose fault, or whose drive's, ended a run.
+/// The axis whose fault, or whose drive's, ended a run, if that can be for not following.
 fn blamed(summary: &Summary) -> Option<&str> {
-    summary.stopped.as_ref()?.axis
+    summary.stopped.as_ref().filter(|it| it.may_lag)?.axis
 }
 
 /// What may be tried where an axis did not follow, in order.
@@ -153,6 +154,14 @@ fn repairs<'a>(machine: &'a Machine, summary: &Summary, axis: &'a Axis) -> Vec<R
         return repairs;
     };
     let key = |key: &str| format!("axis.{}.simulation.{key}", axis.name());
+    if let Some((least, most)) = simulation.axis.end_stops() {
+        repairs.push(Repair {
+            what: "end_stops",
+            axis,
+            settings: vec![format!("{}=[-1e6, 1e6]", key("end_stops"))],
+            now: format!("between {least} and {most} {}", axis.units()[0]),
+        });
+    }
     if let Some(motor) = simulation.driven().map(|it| it.motor()) {
         let greater = MOTORS
             .iter()

@@ -89,6 +89,10 @@ fn what_is_wrong_in_a_description_is_told_with_its_place() {
             "servo.toml:5:8: description: `name` is \"lxm32m\"",
         ),
         (
+            servo("name = \"Servo 20\"", "name = \"TWK crn\""),
+            "servo.toml:5:8: description: `name` is \"TWK crn\"",
+        ),
+        (
             servo("name = \"Servo 20\"\n", ""),
             "servo.toml:1:1: description: missing key `name`",
         ),

@@ -289,4 +289,29 @@ fn what_is_said_to_help_does() {
     // What only spends its reserve follows.
     let (code, spent) = run(&["--set", "validation.torque_reserve=0.99"]);
     assert_eq!((code, spent.get("cause")), (1, None), "{spent:#}");
+
+    // Who meets the end of the travel is told that.
+    let stops = "axis.Y.simulation.end_stops=[-100.0, 100.0]";
+    let (code, met) = run(&["--set", stops]);
+    assert_eq!(
+        (code, &met["cause"]["what"]),
+        (1, &"end_stops".into()),
+        "{met:#}"
+    );
+}
+
+/// What is no matter of following has no such cause, and is not run again for one.
+#[test]
+fn a_homing_that_fails_has_no_cause_of_its_following() {
+    let folder = Folder::new();
+    let machine = folder.file("router.toml", &machine_with("router", &[]));
+    let program = folder.file("program.ngc", "G0 X10\nM2\n");
+    let mut command = syncline();
+    command.args(["validate", "--json", "-", "--set"]);
+    command.arg("axis.X.homing.direction=\"positive\"");
+    let output = command.args([&machine, &program]).output().unwrap();
+    let (code, json, errors) = ended(&output);
+    let json: Value = serde_json::from_str(json).unwrap_or_else(|it| panic!("{it}: {errors}"));
+    assert_eq!((code, json.get("cause")), (1, None), "{json:#}");
+    assert_eq!(json["stopped"]["axis"], "X", "{json:#}");
 }
