@@ -421,7 +421,7 @@ impl AxisControl {
     // --- where it stands ---
 
     /// Checks where the axis stands before it is enabled, and returns its machine position in mm.
-    pub(super) fn locate(&self, nodes: &[DeviceNode]) -> Result<f64, Fault> {
+    pub(super) fn locate(&mut self, nodes: &[DeviceNode]) -> Result<f64, Fault> {
         let axis = self.index;
         let sides = (0..self.sides.len()).map(|side| nodes[self.telling(side)].actual_mm());
         let (least, most) = sides.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), mm| {
@@ -433,7 +433,9 @@ impl AxisControl {
             return Err(Fault::Axis(axis, AxisCause::Skew { difference }));
         }
         // The encoder's noise on a limit is not outside, nor a side of a gantry that is askew: its middle counts.
-        let position = self.uncorrected(f64::midpoint(least, most));
+        let told = f64::midpoint(least, most);
+        self.find_inside(told);
+        let position = self.uncorrected(told);
         if !self.is_placed() {
             return Ok(position);
         }

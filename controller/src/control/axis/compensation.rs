@@ -10,7 +10,8 @@
 //!
 //! *Where nobody knows the flank*, as the drives are enabled, which something may have moved since, or have gone by themselves, the carriage is
 //! taken to be in the middle: no axis jumps then, nothing is off by more than half of the backlash, and the first
-//! motion takes up that half.
+//! motion takes up that half. Where the middle is outside the soft limits, the carriage is taken to be as near to it as is inside: it came to
+//! its limit on the flank that pushed it there.
 //!
 //! *Steps and not time* count, as for the plan. What no SYNC latches is no step of an axis that waits, so a stop, a
 //! fault or lost cycles leave the correction where it is.
@@ -65,10 +66,15 @@ struct Flank {
 impl Flank {
     /// In the middle, of an axis that rests there.
     fn unknown(position: f64) -> Self {
+        Self::beside(position, 0.0)
+    }
+
+    /// Between the flanks, of an axis that rests there and whose drive is so far beyond the middle, mm.
+    fn beside(position: f64, beyond: f64) -> Self {
         Self {
             direction: 0.0,
             reached: position,
-            take_up: Profile::new(State::at_rest(0.0)),
+            take_up: Profile::new(State::at_rest(beyond)),
             since: 0.0,
         }
     }
@@ -119,6 +125,22 @@ impl Compensation {
     /// Where the carriage is between the flanks is not known any more.
     pub(super) fn forget_flank(&mut self) {
         self.flank = Flank::unknown(self.flank.reached);
+    }
+
+    /// Of an axis whose flank is not known: its drives are found there, mm, and its carriage is between the flanks
+    /// where that is inside these limits.
+    fn find_inside(&mut self, told: f64, (least, most): (f64, f64)) {
+        if self.flank.direction != 0.0 {
+            return;
+        }
+        self.forget_flank();
+        let middle = self.uncorrected(told);
+        let inside = middle.clamp(least, most);
+        if inside != middle {
+            let half = 0.5 * self.of.backlash;
+            let beyond = told - (inside - self.error(inside).0);
+            self.flank = Flank::beside(self.flank.reached, beyond.clamp(-half, half));
+        }
     }
 
     /// Whether positions are machine positions from now on, of an axis that rests.
@@ -187,6 +209,16 @@ impl AxisControl {
     pub(super) fn forget_flank(&mut self) {
         if let Some(compensation) = &mut self.compensation {
             compensation.forget_flank();
+        }
+    }
+
+    /// Its drives are found there, mm: its carriage is between the flanks where that is inside its soft limits.
+    pub(super) fn find_inside(&mut self, told: f64) {
+        let limits = self.spec.limits.position;
+        if self.is_placed()
+            && let Some(compensation) = &mut self.compensation
+        {
+            compensation.find_inside(told, limits);
         }
     }
 

@@ -39,6 +39,31 @@ fn compensation(axis: &Axis, placed: bool) -> Compensation {
     compensation
 }
 
+/// Its carriage came to the limit on the flank that pushed it there, and its drive is beyond by half of the backlash.
+#[test]
+fn it_is_found_inside_its_soft_limits_where_its_flank_may_be() {
+    let axis = axis(0.1, &[(-250.0, 0.0), (0.0, 8.0), (250.0, 20.0)]).expect("an axis");
+    let limits = axis.limits.position;
+    let mut found = compensation(&axis, true);
+    for (place, direction) in [(limits.0, -1.0), (limits.1, 1.0)] {
+        let sent = |part: f64| place - found.error(place).0 + direction * part * 0.05;
+        let [flank, between, beyond] = [1.0, 0.4, 1.5].map(sent);
+        for told in [flank, between] {
+            found.find_inside(told, limits);
+            assert!((found.uncorrected(told) - place).abs() < 1e-9, "{told}");
+            assert!((place + found.at(place) - told).abs() < 1e-9, "{told}");
+        }
+        // No flank explains the rest.
+        found.find_inside(beyond, limits);
+        let outside = direction * (found.uncorrected(beyond) - place);
+        assert!((outside - 0.025).abs() < 1e-3, "{outside}");
+        // Inside it is in the middle, as ever.
+        let inside = place - direction;
+        found.find_inside(inside, limits);
+        assert_eq!(found.at(inside), -found.error(inside).0);
+    }
+}
+
 /// At a part of the velocity: a plan from what is faster slows down first.
 fn symmetric(limits: &AxisLimits, part: f64) -> Limits {
     Limits::symmetric(part * limits.velocity, limits.acceleration, limits.jerk)
