@@ -457,7 +457,7 @@ fn commanded(seen: &Seen, data: [u8; 2]) -> Vec<Seen> {
 }
 
 /// Defects by the checker that has to find each.
-const DEFECTS: [(&str, &str, Change); 76] = [
+const DEFECTS: [(&str, &str, Change); 77] = [
     (
         "velocities",
         "a velocity for a drive that is only ready",
@@ -1218,6 +1218,23 @@ const DEFECTS: [(&str, &str, Change); 76] = [
             let mute = Seen::Interfered(Interference::Drive(first, ToDrive::Mute(true)));
             let has_one = !it.case.machine.io_nodes.is_empty();
             also(planting, seen, has_one.then_some(mute))
+        },
+    ),
+    (
+        "reactions",
+        "an I/O node that is reset and stays silent, and nobody minds",
+        |it, planting, seen| {
+            let first = it.machine.drives.len() + it.machine.encoders.len();
+            let (Some(node), Seen::Frame { bus, sent }) = (it.machine.nodes().nth(first), seen)
+            else {
+                return vec![seen.clone()];
+            };
+            if *bus != node.bus || !is_sync(seen) || !planting.once() {
+                return vec![seen.clone()];
+            }
+            let mute = Seen::Interfered(Interference::Drive(first, ToDrive::Mute(true)));
+            let reset = Frame::new(CobId::NMT, &[0x82, node.id.get()]);
+            vec![seen.clone(), mute, framed(*bus, sent, reset)]
         },
     ),
     (

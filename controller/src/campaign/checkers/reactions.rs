@@ -144,7 +144,9 @@ pub(super) struct Reactions {
     state: State,
     /// Inputs by which the machine may not be enabled, device and place, and since when.
     forbids: Vec<((usize, u8), Instant)>,
-    /// Devices of which nothing reaches the bus, or that were taken out of Operational, and since when.
+    /// Devices of which nothing reaches the bus, whatever they are told, and since when.
+    mute: Vec<(usize, Instant)>,
+    /// Devices that were taken out of Operational, and since when.
     away: Vec<(usize, Instant)>,
     /// By how much wake-ups were late, s.
     late: f64,
@@ -187,6 +189,7 @@ impl Reactions {
             told: Vec::new(),
             state: State::Starting,
             forbids: Vec::new(),
+            mute: Vec::new(),
             away: Vec::new(),
             late: 0.0,
             is_feigned: false,
@@ -213,7 +216,8 @@ impl Reactions {
         let heartbeat = scene.machine.controller.heartbeat_timeout.as_secs_f64();
         let late = heartbeat + NOTICED + f64::from(SILENT) * scene.period() + self.late;
         let silent = |(_, since): &&(usize, Instant)| lasts(*since) > late && !self.is_feigned;
-        if let Some((device, since)) = self.away.iter().find(silent) {
+        let mut all = self.mute.iter().chain(&self.away);
+        if let Some((device, since)) = all.find(silent) {
             let what = "nothing is done about a silent device";
             found.violate(NAME, scene, what, || {
                 format!("device {device}, silent for {} s", scene.since(*since))
@@ -221,7 +225,7 @@ impl Reactions {
         }
     }
 
-    /// The controller starts or resets a device: it begins anew.
+    /// The controller starts or resets a device: it begins anew, if it can be heard.
     fn begins_anew(&mut self, scene: &Scene<'_>, bus: usize, sent: &Transmission) {
         let &[command, node] = sent.frame.data() else {
             return;
@@ -461,9 +465,9 @@ impl Checker for Reactions {
                 }
             }
             ToDrive::Mute(true) if !scene.is_polled(device) => {
-                self.away.push((device, scene.now));
+                self.mute.push((device, scene.now));
             }
-            ToDrive::Mute(false) => self.away.retain(|(it, _)| *it != device),
+            ToDrive::Mute(false) => self.mute.retain(|(it, _)| *it != device),
             _ => {}
         }
     }
