@@ -18,6 +18,11 @@ use syncline_strict_toml::input;
 /// longest.
 const DURATION: (f64, f64) = (1.0, 8.0);
 
+/// How many operators leave a machine that does not go on by itself where it is, and for how long, s: so that what is to be true of it
+/// after a while is looked at.
+const LEAVES: f64 = 0.3;
+const LEFT: (f64, f64) = (2.2, 3.5);
+
 /// A random machine with its programs, its operators and what goes wrong.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Case {
@@ -31,6 +36,9 @@ pub struct Case {
     pub deeds: Vec<Deed>,
     /// Wake-ups for which somebody waits who goes on where the machine rests; `None`: nobody is there.
     pub patience: Option<u32>,
+    /// Wake-ups for which they leave a machine besides that a fault has stopped, or that was disabled.
+    #[serde(default)]
+    pub leave: u32,
     /// What goes wrong.
     pub troubles: Vec<Trouble>,
     /// Cycles from where the machine is ready first until it is switched off.
@@ -81,12 +89,20 @@ impl Case {
         let dice = &mut Dice::new(seed, 2);
         let seconds = dice.between(DURATION.0, DURATION.1);
         let patience = (dice.chance(0.9)).then(|| *dice.pick(&[1, 10, 60, 300]));
+        let machine = MachineSpec::of(seed);
+        let dice = &mut Dice::new(seed, 34);
+        let leave = match dice.chance(LEAVES) {
+            // Two wake-ups a cycle.
+            true => 2 * machine.cycles(dice.between(LEFT.0, LEFT.1)),
+            false => 0,
+        };
         let mut case = Self {
             seed,
-            machine: MachineSpec::of(seed),
+            machine,
             programs: Vec::new(),
             deeds: Vec::new(),
             patience,
+            leave,
             troubles: Vec::new(),
             cycles: 0,
         };

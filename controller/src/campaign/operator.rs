@@ -280,6 +280,8 @@ impl Drawing<'_> {
 #[derive(Debug)]
 pub(super) struct Attendant {
     patience: u32,
+    /// Waits longer where a fault has stopped the machine, or it was disabled.
+    leave: u32,
     programs: usize,
     /// Which axes are homed.
     homed: [bool; COORDINATES],
@@ -291,14 +293,15 @@ pub(super) struct Attendant {
 }
 
 impl Attendant {
-    /// Who waits for so many wake-ups.
-    pub(super) fn new(patience: u32, machine: &MachineSpec, programs: usize) -> Self {
+    /// Who waits for so many wake-ups, and for so many more where the machine is stopped by a fault, or disabled.
+    pub(super) fn new(patience: u32, leave: u32, machine: &MachineSpec, programs: usize) -> Self {
         let mut homed = [false; COORDINATES];
         for (axis, letter) in machine.axes.iter().zip(letters(machine)) {
             homed[letter.index()] = axis.homing.is_some();
         }
         Self {
             patience,
+            leave,
             programs,
             homed,
             since: 0,
@@ -319,7 +322,11 @@ impl Attendant {
             0
         };
         self.state = state;
-        if self.since < self.patience {
+        let leave = match state {
+            State::Faulted | State::Disabled => self.leave,
+            _ => 0,
+        };
+        if self.since < self.patience + leave {
             return Vec::new();
         }
         self.since = 0;

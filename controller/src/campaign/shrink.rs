@@ -30,6 +30,7 @@ pub fn shrink(case: &Case, mut fails: impl FnMut(&Case) -> bool) -> Case {
             shrinking.list(move |case| &mut case.programs[program]);
         }
         shrinking.attempt(|case| case.patience = None);
+        shrinking.attempt(|case| case.leave = 0);
         if shrinking.best == before || shrinking.left == 0 {
             return shrinking.best;
         }

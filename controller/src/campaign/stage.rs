@@ -231,7 +231,8 @@ impl<'a> Stage<'a> {
         let mut session = Session::staying_on(layout, timeline, programs, observers);
         let told = session.subscribe();
         let attendant = case.patience.map(|patience| {
-            let attendant = Attendant::new(patience, &case.machine, case.programs.len());
+            let attendant =
+                Attendant::new(patience, case.leave, &case.machine, case.programs.len());
             (attendant, session.operator("attendant"))
         });
         Ok(Self {

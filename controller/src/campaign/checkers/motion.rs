@@ -80,8 +80,9 @@ impl Motion {
         let told = scene.since(scene.state_since) / scene.period();
         let (latched, since) = &self.rests[drive];
         let changed = scene.since(*since) / scene.period();
-        // What the state before sent is latched meanwhile.
-        if waits && latched.is_some() && changed < 0.5 && told > 4.0 {
+        // What the state before sent is latched meanwhile, at the next SYNC, however late that comes.
+        let came = scene.since(scene.drives[drive].came_at) / scene.period();
+        if waits && latched.is_some() && changed < 0.5 && told > 4.0 && came < told {
             found.violate(
                 NAME,
                 scene,

@@ -25,6 +25,9 @@ pub(super) struct Transitions {
 /// A drive that has said for so many cycles that it is not ready, and is heard, is waited for.
 const WAITED_FOR: f64 = 4.0;
 
+/// Cycles in which what follows bursts that were lost comes, beside those of the bursts.
+const LOST_BESIDE: f64 = 2.0;
+
 /// Whether a drive that says this is ready to be enabled, or is enabled.
 fn is_ready(statusword: u16) -> bool {
     let ready = [
@@ -86,7 +89,17 @@ impl Transitions {
             let to_it = *bus == spec.bus && (*node == 0 || *node == spec.node.get());
             to_it && resets.map(|it| it as u8).contains(command) && scene.since(*at) < 1.0
         });
-        if leaps && !begun_anew {
+        // What came between was lost with its bursts, of a drive that said meanwhile that it is ready, as some are without being told.
+        let lost = now == 3
+            && scene.drives[drive].statusword.is_some_and(is_ready)
+            && scene.interferences.iter().any(|(at, what)| {
+                let Interference::Bus(bus, ToBus::DropBursts(count)) = what else {
+                    return false;
+                };
+                let cycles = f64::from(*count) + LOST_BESIDE;
+                *bus == spec.bus && scene.since(*at) < cycles * scene.period()
+            });
+        if leaps && !begun_anew && !lost {
             found.violate(NAME, scene, "a controlword leaps", || {
                 format!("drive {name}: from level {before} to {now}")
             });

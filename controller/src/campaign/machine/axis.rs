@@ -8,9 +8,11 @@ use std::fmt::Write as _;
 use std::ops::RangeInclusive;
 use syncline_drives::model::{Ability, Address, Assumed, MODELS, Model};
 
-/// CiA 402's quick stop ramp, increments/s². As a drive leaves the factory it may be steeper than many a motor
-/// can follow, so who sets up a machine writes what the axis takes, where the controller does not.
-const QUICK_STOP_RAMP: Address = Address::new(0x6085, 0);
+/// Quick stop ramps: CiA 402's, increments/s², and an LXM32M's, r/(min·s). As a drive leaves the factory it may be steeper than many a
+/// motor can follow, or not as steep as the plan of its axis, which stands beyond its soft limit then. So who sets up a machine writes what the
+/// axis takes, where the controller does not.
+const CIA402_RAMP: Address = Address::new(0x6085, 0);
+const LXM32M_RAMP: Address = Address::new(0x3006, 0x12);
 
 /// A stepper controller, and what is written to it: its motor's current, mA, which is 400 mA after each power-on.
 pub(super) const STEPPER: &str = "tsp10";
@@ -98,6 +100,21 @@ pub struct DeviceSpec {
     pub wires: Vec<Wire>,
 }
 
+/// What a machine file says of the resolution of generic drives.
+const RESOLUTION: &str = "encoder_increments";
+
+/// What the tables of models say of a key of one of them.
+fn stated(models: &[String], model: &str, key: &str) -> Option<u32> {
+    let head = format!("[model.{model}]");
+    let tables = models.iter().map(|table| table.lines());
+    let mut tables = tables.filter(|lines| lines.clone().next() == Some(&head));
+    let mut lines = tables.next()?;
+    lines.find_map(|line| {
+        let (name, value) = line.split_once(" = ")?;
+        value.parse().ok().filter(|_| name == key)
+    })
+}
+
 /// Node ids that an encoder, a TWK CRN, can have.
 pub(super) const ENCODER_NODES: RangeInclusive<u32> = 1..=64;
 
@@ -148,13 +165,23 @@ impl DeviceSpec {
         counts.then(|| (model.increments_per_revolution)(&Assumed::default()).into())
     }
 
-    /// What it counts in a revolution, if it has a quick stop ramp for a user to set.
-    fn ramped(&self) -> Option<f64> {
+    /// Its quick stop ramp, if that is for a user to set, and how many of its units are a revolution/s²: of a machine that says this of models.
+    fn ramp(&self, models: &[String]) -> Option<(Address, f64)> {
         let model = self.model()?;
-        let mut entries = model.dictionary.iter();
-        let has_ramp = entries.any(|entry| entry.address == QUICK_STOP_RAMP);
-        let is_users = has_ramp && !(model.reserved)(QUICK_STOP_RAMP);
-        is_users.then(|| (model.increments_per_revolution)(&Assumed::default()).into())
+        let is_users = |ramp: Address| {
+            let mut entries = model.dictionary.iter();
+            entries.any(|entry| entry.address == ramp) && !(model.reserved)(ramp)
+        };
+        let increments = || {
+            let assumed = stated(models, model.name, RESOLUTION);
+            let assumed = Assumed(assumed.map(|it| (RESOLUTION, it)).into_iter().collect());
+            f64::from((model.increments_per_revolution)(&assumed))
+        };
+        match () {
+            () if is_users(CIA402_RAMP) => Some((CIA402_RAMP, increments())),
+            () if is_users(LXM32M_RAMP) => Some((LXM32M_RAMP, 60.0)),
+            () => None,
+        }
     }
 }
 
@@ -369,7 +396,8 @@ impl AxisSpec {
         format!("beside {}", self.letter)
     }
 
-    pub(super) fn write(&self, text: &mut String) {
+    /// As the machine file has it, which says this of models.
+    pub(super) fn write(&self, models: &[String], text: &mut String) {
         let name = |side: usize| self.drive_name(side);
         for (side, drive) in self.drives.iter().enumerate() {
             let direction = direction(drive.negative);
@@ -386,9 +414,9 @@ impl AxisSpec {
             if drive.model == STEPPER {
                 let _ = writeln!(text, "sdo = [{STEPPER_SDO}]");
             }
-            if let Some(increments) = drive.ramped() {
-                let ramp = self.acceleration / self.travel * increments;
-                let _ = writeln!(text, "sdo = [[\"6085:0\", {}]]", ramp.ceil());
+            if let Some((Address { index, sub }, units)) = drive.ramp(models) {
+                let ramp = (self.acceleration / self.travel * units).ceil();
+                let _ = writeln!(text, "sdo = [[\"{index:04X}:{sub:X}\", {ramp}]]");
             }
             for wire in &drive.wires {
                 wire.write("drive", &name(side), text);

@@ -692,7 +692,7 @@ impl MachineSpec {
             );
         }
         for axis in &self.axes {
-            axis.write(&mut text);
+            axis.write(&self.models, &mut text);
         }
         for (place, io) in self.io_nodes.iter().enumerate() {
             io.write(place, &mut text);
@@ -817,6 +817,40 @@ mod tests {
             velocities > 50 && goers > 20 && steppers > 10 && loops > 20 && described > 100,
             "{velocities} {goers} {steppers} {loops} {described}"
         );
+    }
+
+    /// By the machine file's own arithmetic.
+    #[test]
+    fn quick_stop_ramps_are_those_of_their_axes() {
+        let mut ramps = [0, 0, 0];
+        for seed in 0..300 {
+            let spec = MachineSpec::of(seed);
+            let machine = spec.machine().expect("a machine");
+            for drive in &machine.drives {
+                let units = match drive.model.name {
+                    "lxm32m" => 131_072.0 / 60.0,
+                    "cia402_csp" | "cia402_csv" | "cia402_pv" => 1.0,
+                    _ => continue,
+                };
+                let axis = &machine.axes[drive.axis];
+                let [write] = &drive.objects[..] else {
+                    panic!("{seed}: {:?} of {}", drive.objects, drive.name);
+                };
+                let bytes = write.data.bytes().try_into().expect("four bytes");
+                let ramp = f64::from(u32::from_le_bytes(bytes)) * units;
+                let right = axis.sent_limits.acceleration / drive.scaling.resolution();
+                assert!(
+                    ramp >= right * (1.0 - 1e-9) && ramp < right + units + 1.0,
+                    "{seed}: {ramp}, {right}"
+                );
+                let stated = spec
+                    .models
+                    .iter()
+                    .any(|it| it.contains("encoder_increments"));
+                ramps[usize::from(units == 1.0) * (1 + usize::from(stated))] += 1;
+            }
+        }
+        assert!(ramps.iter().all(|it| *it > 20), "{ramps:?}");
     }
 
     #[test]
