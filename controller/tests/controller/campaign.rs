@@ -456,8 +456,20 @@ fn commanded(seen: &Seen, data: [u8; 2]) -> Vec<Seen> {
     ]
 }
 
+/// From the midst of a program on a shaft is elsewhere.
+fn elsewhere(planting: &Planting, seen: &Seen, drive: usize, turns: f64) -> Seen {
+    match seen {
+        Seen::Woken(woken) if planting.done > 0 => {
+            let mut woken = woken.clone();
+            woken.plants[drive].position += turns;
+            Seen::Woken(woken)
+        }
+        _ => seen.clone(),
+    }
+}
+
 /// Defects by the checker that has to find each.
-const DEFECTS: [(&str, &str, Change); 77] = [
+const DEFECTS: [(&str, &str, Change); 78] = [
     (
         "velocities",
         "a velocity for a drive that is only ready",
@@ -1238,6 +1250,23 @@ const DEFECTS: [(&str, &str, Change); 77] = [
         },
     ),
     (
+        "outputs",
+        "an output that is switched by hand and stays as it is",
+        |it, planting, seen| {
+            let mut all = vec![seen.clone()];
+            if let (Some(output), Seen::Told(Event::State(State::Ready))) =
+                (it.machine.outputs.first(), seen)
+            {
+                planting.done += 1;
+                if planting.done == 1 {
+                    let (name, on) = (output.name.clone(), !output.safe);
+                    all.push(accepted(Command::Output { name, on }));
+                }
+            }
+            all
+        },
+    ),
+    (
         "ending",
         "a clock that stands still",
         |_, planting, seen| match seen {
@@ -1295,7 +1324,7 @@ fn every_planted_defect_is_found_by_its_checker() {
 }
 
 /// Of what other defects make, too, what is told of each.
-const TOLD: [(&str, Change); 4] = [
+const TOLD: [(&str, Change); 7] = [
     (
         "an operator's stop leaves the path",
         |_, planting, seen| match seen {
@@ -1335,6 +1364,44 @@ const TOLD: [(&str, Change); 4] = [
                 let cause = DeviceCause::MissingTPdo { misses: 1 };
                 all.push(Seen::Interfered(lost));
                 all.push(event(control::Event::Fault(Fault::Device(0, cause))));
+            }
+            all
+        },
+    ),
+    (
+        "nothing is done about a following error",
+        |_, planting, seen| {
+            let longer = Interference::Drive(0, ToDrive::EnableTime(1));
+            let mut all = vec![elsewhere(planting, seen, 0, 30.0)];
+            all.extend(planting.once().then_some(Seen::Interfered(longer)));
+            all
+        },
+    ),
+    (
+        "a gantry is askew by more than it takes to brake",
+        |it, planting, seen| {
+            let mut axes = it.machine.axes.iter();
+            let Some(gantry) = axes.find(|axis| axis.drives.len() == 2) else {
+                return vec![seen.clone()];
+            };
+            let side = gantry.drives[1];
+            let block = Interference::Drive(side, ToDrive::Block(true));
+            let mut all = vec![elsewhere(planting, seen, side, 30.0)];
+            all.extend(planting.once().then_some(Seen::Interfered(block)));
+            all
+        },
+    ),
+    (
+        "a reaction that is not commanded in time",
+        |it, planting, seen| {
+            let Some(fault) = fault_of(it, true, DeviceCause::HeartbeatLost) else {
+                return vec![seen.clone()];
+            };
+            let before = planting.done;
+            let mut all = told_while_it_moves(it, planting, seen, fault, 0x1F);
+            if planting.done > before {
+                let lost = ToBus::DropBursts(1);
+                all.insert(0, Seen::Interfered(Interference::Bus(0, lost)));
             }
             all
         },

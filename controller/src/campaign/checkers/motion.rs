@@ -4,7 +4,7 @@
 use super::scene::{AT_REST, DISTURBED, SETTLES, SWAYS};
 use super::{Checker, Found, Scene};
 use crate::control::{Phase, State};
-use crate::machine::Machine;
+use crate::machine::{AxisLimits, Machine};
 use std::collections::VecDeque;
 use syncline_canopen::Instant;
 use syncline_drives::model::Increments;
@@ -13,6 +13,10 @@ const NAME: &str = "motion";
 
 /// How long a shaft may coast once its power stage is off, s: brakes and friction hold by then.
 const COASTS: f64 = 3.0;
+/// Cycles, beyond those for which a T_PDO may be missing, until a following error is no longer followed.
+const IN_TIME: u32 = 4;
+/// Cycles from where a gantry is seen to be askew until its drives brake.
+const SEEN: f64 = 4.0;
 /// What operators are shown was true within so many wake-ups.
 const SHOWN_AFTER: usize = 8;
 
@@ -22,6 +26,8 @@ pub(super) struct Motion {
     off: Vec<Option<Instant>>,
     /// By drive: since when its setpoint is the same, or it follows none.
     rests: Vec<(Option<Increments>, Instant)>,
+    /// By drive: since when it is far from its setpoint and goes on.
+    far: Vec<Option<Instant>>,
     /// By axis: where it was at the last wake-ups, the newest first, mm.
     is: Vec<VecDeque<f64>>,
 }
@@ -31,6 +37,7 @@ impl Motion {
         Self {
             off: vec![Some(Instant::ZERO); machine.drives.len()],
             rests: vec![(None, Instant::ZERO); machine.drives.len()],
+            far: vec![None; machine.drives.len()],
             is: vec![VecDeque::new(); machine.axes.len()],
         }
     }
@@ -95,7 +102,7 @@ impl Motion {
         }
     }
 
-    fn follows(&self, scene: &Scene<'_>, drive: usize, found: &mut Found) {
+    fn follows(&mut self, scene: &Scene<'_>, drive: usize, found: &mut Found) {
         let it = &scene.drives[drive];
         let (Some(latched), Some(actual)) = (it.latched, scene.actual(drive)) else {
             return;
@@ -105,7 +112,27 @@ impl Motion {
         let under_way = 4.0 * scene.period() * axis.sent_limits.velocity;
         let allowed = axis.limits.following_error + under_way;
         let off = (scene.mm(drive, latched) - actual).abs();
-        if it.in_effect && off > allowed && !scene.is_disturbed(DISTURBED) && !scene.faulted {
+        let is_far = it.in_effect && off > allowed && !scene.faulted;
+        let since = match is_far {
+            true => *self.far[drive].get_or_insert(scene.now),
+            false => {
+                self.far[drive] = None;
+                return;
+            }
+        };
+        let in_time = f64::from(scene.misses(drive) + IN_TIME) * scene.period();
+        if scene.since(since) > in_time && scene.buses_are_sound() {
+            found.violate(
+                NAME,
+                scene,
+                "nothing is done about a following error",
+                || {
+                    let name = &scene.machine.drives[drive].name;
+                    format!("drive {name}: {off} mm, allowed {allowed}")
+                },
+            );
+        }
+        if !scene.is_disturbed(DISTURBED) {
             found.violate(NAME, scene, "far from its setpoint", || {
                 let name = &scene.machine.drives[drive].name;
                 format!("drive {name}: {off} mm, allowed {allowed}")
@@ -162,11 +189,27 @@ impl Motion {
                 continue;
             };
             let both = [one, other].map(|drive| scene.drives[*drive].in_effect);
+            let is_disturbed = scene.is_disturbed(DISTURBED);
             let (Some(a), Some(b)) = (scene.actual(*one), scene.actual(*other)) else {
                 continue;
             };
             let skew = (a - b).abs();
-            if both == [true; 2] && skew > limit && !scene.is_disturbed(DISTURBED) {
+            // What holds one side back, or lets go of it, is seen, and both brake: the free one as far off its setpoint as is no fault.
+            let AxisLimits {
+                velocity,
+                acceleration,
+                ..
+            } = axis.sent_limits;
+            let way = velocity * (SEEN * scene.period() + 0.5 * velocity / acceleration);
+            let braked = way + axis.limits.following_error;
+            if is_disturbed && scene.buses_are_sound() && skew > limit + braked {
+                let what = "a gantry is askew by more than it takes to brake";
+                found.violate(NAME, scene, what, || {
+                    let name = axis.name();
+                    format!("axis {name}: {skew} mm, allowed {}", limit + braked)
+                });
+            }
+            if both == [true; 2] && skew > limit && !is_disturbed {
                 found.violate(NAME, scene, "a gantry is askew", || {
                     format!("axis {}: {skew} mm, allowed {limit}", axis.name())
                 });

@@ -76,6 +76,8 @@ struct Output {
     unsafe_for: u32,
     /// It was switched by hand.
     by_hand: Option<bool>,
+    /// When.
+    by_hand_since: Instant,
     /// What it is by hand may show until then.
     is_by_hand: Option<Instant>,
 }
@@ -334,6 +336,7 @@ impl Outputs {
                 let mut outputs = self.outputs.iter_mut();
                 if let Some(output) = outputs.find(|output| output.name == *name) {
                     output.by_hand = Some(*on);
+                    output.by_hand_since = scene.now;
                     output.is_by_hand = Some(scene.now);
                 }
             }
@@ -549,6 +552,26 @@ impl Outputs {
         }
     }
 
+    /// What an operator has switched is so, until something else switches it.
+    fn by_hand(&self, scene: &Scene<'_>, found: &mut Found) {
+        for output in &self.outputs {
+            let (Some(on), What::Digital { active_low, .. }) = (output.by_hand, &output.what)
+            else {
+                continue;
+            };
+            let shows = scene.since(output.by_hand_since) > BY_HAND * scene.period();
+            let right = i32::from(on != *active_low);
+            let other = output.latched.filter(|it| *it != right);
+            if let Some(other) = other.filter(|_| shows && scene.bursts_are_on_time()) {
+                let what = "an output is not as it was switched by hand";
+                found.violate(NAME, scene, what, || {
+                    let (name, state) = (&output.name, scene.state);
+                    format!("{name}: {other} where it was switched {on}, machine {state}")
+                });
+            }
+        }
+    }
+
     /// Whether outputs may be switched by hand in this state.
     fn state(&mut self, scene: &Scene<'_>, state: State) {
         match state {
@@ -619,6 +642,7 @@ fn wired(machine: &Machine) -> (Vec<Output>, Vec<(usize, usize)>) {
         latched: None,
         unsafe_for: 0,
         by_hand: None,
+        by_hand_since: Instant::ZERO,
         is_by_hand: None,
     };
     // No program switches an enable chain.
@@ -755,6 +779,7 @@ impl Checker for Outputs {
                 .is_by_hand
                 .filter(|since| scene.since(*since) < shows);
         }
+        self.by_hand(scene, found);
         self.setpoints(scene);
         self.at_work(scene, found);
     }

@@ -24,6 +24,8 @@ const QUICK_STOP: u16 = 0x0B;
 
 /// R_PDOs from where a cause shows, or is told, until its reaction is commanded.
 const IN_TIME: u32 = 2;
+/// The same where bursts were lost or late.
+const IN_TIME_LATE: u32 = 5;
 /// SYNCs without an answer, to them or to what is asked, beyond those that are allowed until something is done.
 pub(super) const SILENT: u32 = 3;
 
@@ -346,6 +348,10 @@ impl Reactions {
     /// A controlword came.
     fn commanded(&mut self, scene: &Scene<'_>, drive: usize, word: u16, found: &mut Found) {
         let watched = &mut self.drives[drive];
+        let in_time = match scene.buses_are_sound() {
+            true => IN_TIME,
+            false => IN_TIME_LATE,
+        };
         let name = &scene.machine.drives[drive].name;
         let follows = word & FOLLOWS == FOLLOWS;
         if let Some((since, frames)) = &mut watched.shows {
@@ -353,7 +359,7 @@ impl Reactions {
             let (since, frames) = (*since, *frames);
             if !follows || !is_up(self.state) {
                 watched.shows = None;
-            } else if frames >= IN_TIME && scene.buses_are_sound() {
+            } else if frames >= in_time && scene.is_told_all() {
                 watched.shows = None;
                 found.violate(
                     NAME,
@@ -373,10 +379,13 @@ impl Reactions {
                 watched.left = Some(fault);
                 None
             }
-            Awaited::QuickStop if !follows && word & FOLLOWS != QUICK_STOP => {
+            // What came before may have been lost.
+            Awaited::QuickStop
+                if !follows && word & FOLLOWS != QUICK_STOP && scene.buses_are_sound() =>
+            {
                 Some("another reaction than the quick stop")
             }
-            Awaited::Leaves | Awaited::QuickStop if follows && frames >= IN_TIME => {
+            Awaited::Leaves | Awaited::QuickStop if follows && frames >= in_time => {
                 Some("a reaction that is not commanded in time")
             }
             _ => None,
@@ -384,7 +393,7 @@ impl Reactions {
         if !follows || wrong.is_some() {
             watched.awaited = None;
         }
-        if let Some(what) = wrong.filter(|_| scene.buses_are_sound()) {
+        if let Some(what) = wrong.filter(|_| scene.is_told_all()) {
             found.violate(NAME, scene, what, || {
                 format!("drive {name} is told {word:04X}h, {frames} R_PDOs after: {fault}")
             });

@@ -444,6 +444,20 @@ impl<'a> Scene<'a> {
         })
     }
 
+    /// Nothing has happened to what comes in from buses: bursts may have been lost or late, and so may SYNCs and wake-ups.
+    pub(super) fn is_told_all(&self) -> bool {
+        self.interferences.iter().all(|(_, what)| match what {
+            Interference::Bus(_, what) => matches!(
+                what,
+                ToBus::DropBursts(_)
+                    | ToBus::DelayBursts(_)
+                    | ToBus::TearBurst
+                    | ToBus::LoseSyncs(_)
+            ),
+            _ => true,
+        })
+    }
+
     /// Nothing has happened that changes when bursts leave.
     pub(super) fn bursts_are_on_time(&self) -> bool {
         self.interferences.iter().all(|(_, what)| {
