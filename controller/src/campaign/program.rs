@@ -7,8 +7,14 @@
 use super::dice::{Dice, rounded};
 use super::machine::{AxisSpec, MachineSpec, SpindleSpec};
 
+/// What a program begins with. A tool length stays from the job before.
+const BEGINS: &str = "G17 G21 G49 G90 G94";
+
 /// Decimals of a position in a program.
 const DECIMALS: usize = 4;
+
+/// The least travel with which there are moves between the soft limits that rounding leaves inside, mm.
+const LEAST_SPAN: f64 = 0.01;
 
 /// Travels of a plane's axes may differ by this factor where there is cutter compensation: beyond, arcs are so
 /// small where they are that rounding leads over an axis' jerk (`docs/reliability.md`).
@@ -42,7 +48,7 @@ pub(super) fn draw(dice: &mut Dice, machine: &MachineSpec) -> Vec<String> {
     let mut writer = Writer {
         at: on_path(machine).map(rest).collect(),
         axes: on_path(machine).cloned().collect(),
-        lines: vec!["G17 G21 G90 G94".to_owned()],
+        lines: vec![BEGINS.to_owned()],
         labels: 0,
         dice: Dice::new(dice.seed(), 0),
     };
@@ -74,7 +80,7 @@ pub(super) fn special(dice: &mut Dice, machine: &MachineSpec) -> Option<Vec<Stri
     let mut writer = Writer {
         at: on_path(machine).map(rest).collect(),
         axes: on_path(machine).cloned().collect(),
-        lines: vec!["G17 G21 G90 G94".to_owned()],
+        lines: vec![BEGINS.to_owned()],
         labels: 0,
         dice: dice.clone(),
     };
@@ -86,6 +92,30 @@ pub(super) fn special(dice: &mut Dice, machine: &MachineSpec) -> Option<Vec<Stri
             _ => writer.zigzag(),
         }
         writer.signal(&inputs, &outputs);
+    }
+    writer.push("M2");
+    Some(writer.lines)
+}
+
+/// A program whose coordinates are shifted, and shifted back: by work offsets, G92, G52 and tool lengths.
+pub(super) fn shifted(dice: &mut Dice, machine: &MachineSpec) -> Option<Vec<String>> {
+    let outputs = machine.numbers("output");
+    let has_room = |axis: &AxisSpec| axis.soft_limits[1] - axis.soft_limits[0] > LEAST_SPAN;
+    if !dice.chance(0.3) || !on_path(machine).all(has_room) {
+        return None;
+    }
+    let mut writer = Writer {
+        at: on_path(machine).map(rest).collect(),
+        axes: on_path(machine).cloned().collect(),
+        lines: vec![BEGINS.to_owned()],
+        labels: 0,
+        dice: dice.clone(),
+    };
+    writer.feed();
+    let none = vec![0.0; writer.axes.len()];
+    writer.go_shifted(&none, true);
+    for _ in 0..writer.dice.whole(1..=5) {
+        writer.shift(&outputs);
     }
     writer.push("M2");
     Some(writer.lines)
@@ -110,7 +140,7 @@ pub(super) fn circles(dice: &mut Dice, machine: &MachineSpec) -> Option<Vec<Stri
     let feed = 60.0 * x.velocity.min(y.velocity) * dice.between(0.1, 1.0);
     let mode = *dice.pick(&["G61", "G61.1", "G64"]);
     let mut lines = vec![
-        "G17 G21 G90 G94".to_owned(),
+        BEGINS.to_owned(),
         format!("{mode} F{}", rounded(feed, DECIMALS).max(0.001)),
         format!("G1 X{to_x} Y{to_y}"),
     ];
@@ -482,6 +512,110 @@ impl Writer {
         (self.at[a], self.at[b]) = (beside[0], beside[1]);
     }
 
+    /// Numbers for some of the axes, at least for one, as words and by axis.
+    fn numbers(&mut self) -> (String, Vec<Option<f64>>) {
+        let first = self.dice.below(self.axes.len());
+        let mut numbers = vec![None; self.axes.len()];
+        let mut words = String::new();
+        for axis in 0..self.axes.len() {
+            if axis == first || self.dice.chance(0.4) {
+                let [least, most] = self.axes[axis].soft_limits;
+                let number = rounded(self.dice.between(-1.5, 1.5) * (most - least), DECIMALS);
+                words += &format!(" {}{number}", self.axes[axis].letter);
+                numbers[axis] = Some(number);
+            }
+        }
+        (words, numbers)
+    }
+
+    /// Shifts the coordinates in one way, or in two at once, goes somewhere, and shifts them back.
+    fn shift(&mut self, outputs: &[u8]) {
+        let mut by = vec![0.0; self.axes.len()];
+        let mut back = Vec::new();
+        // What a block does not name is that of an earlier time.
+        let letters = self.axes.iter().map(|axis| format!(" {}0", axis.letter));
+        let zeros: String = letters.collect();
+        for _ in 0..self.dice.whole(1..=2) {
+            let kind = self.dice.below(6);
+            if back.iter().any(|(of, _)| *of == kind / 2) {
+                continue;
+            }
+            let (words, numbers) = self.numbers();
+            let named = numbers.iter().enumerate();
+            let named: Vec<_> = named
+                .filter_map(|(axis, it)| Some((axis, (*it)?)))
+                .collect();
+            let place = self.dice.whole(2..=9);
+            let system = ["G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"];
+            let system = system[place as usize - 2];
+            let tool = self.dice.whole(1..=3);
+            // What the position has in the shifted coordinates is told by some, and the shift by others.
+            let by_position = matches!(kind, 0 | 2);
+            match kind {
+                0 => self.push(format!("G92{words}")),
+                1 => self.push(format!("G52{words}")),
+                2 | 3 => {
+                    self.push(format!("G10 L2 P{place}{zeros}"));
+                    self.push(system);
+                    let way = if by_position { "L20" } else { "L2" };
+                    let number = [0, place][self.dice.below(2)];
+                    self.push(format!("G10 {way} P{number}{words}"));
+                }
+                4 => {
+                    self.push(format!("G10 L1 P{tool}{zeros}"));
+                    self.push(format!("G10 L1 P{tool}{words}"));
+                    if self.dice.chance(0.5) {
+                        self.push(format!("T{tool} M6"));
+                        self.push("G43");
+                    } else {
+                        self.push(format!("G43 H{tool}"));
+                    }
+                }
+                _ => self.push(format!("G43.1{words}")),
+            }
+            for (axis, number) in named {
+                by[axis] = match by_position {
+                    true => self.at[axis] - number,
+                    false => by[axis] + number,
+                };
+            }
+            back.push((
+                kind / 2,
+                match kind {
+                    0 | 1 => "G92.1",
+                    2 | 3 => "G54",
+                    _ => "G49",
+                },
+            ));
+        }
+        for _ in 0..self.dice.whole(1..=3) {
+            self.go_shifted(&by, false);
+            self.signal(&[], outputs);
+        }
+        for (_, code) in back {
+            self.push(code);
+        }
+        self.go_shifted(&vec![0.0; self.axes.len()], false);
+    }
+
+    /// A move in coordinates that are shifted by so much, of all axes or of some.
+    fn go_shifted(&mut self, by: &[f64], all: bool) {
+        let mut words = String::new();
+        let first = self.dice.below(self.axes.len());
+        for axis in 0..self.axes.len() {
+            if all || axis == first || self.dice.chance(0.3) {
+                let [least, most] = self.axes[axis].soft_limits;
+                let margin = 0.1 * LEAST_SPAN;
+                let to = self.target(axis).clamp(least + margin, most - margin);
+                let word = rounded(to - by[axis], DECIMALS);
+                self.at[axis] = word + by[axis];
+                words += &format!(" {}{word}", self.axes[axis].letter);
+            }
+        }
+        let code = *self.dice.pick(&["G0", "G1"]);
+        self.push(format!("{code}{words}"));
+    }
+
     /// Switches what is wired, or waits for it.
     fn signal(&mut self, inputs: &[u8], outputs: &[u8]) {
         if !outputs.is_empty() && self.dice.chance(0.7) {
@@ -595,6 +729,28 @@ mod tests {
             compensated > 20 && waiting > 20,
             "{compensated} compensated, {waiting} waiting"
         );
+    }
+
+    #[test]
+    fn every_shifted_program_is_a_good_one() {
+        let mut codes = [0; 7];
+        for seed in 0..300 {
+            let spec = MachineSpec::draw(&mut Dice::new(seed, 0));
+            let machine = spec.machine().unwrap();
+            let programs = Programs::new(&machine, Path::new("/nowhere/machine.toml")).unwrap();
+            let Some(lines) = shifted(&mut Dice::new(seed, 36), &spec) else {
+                continue;
+            };
+            let text = lines.join("\n") + "\n";
+            let all = ["G92 ", "G52 ", "G10 L2 ", "G10 L20", "G43 H", "G43.1", "M6"];
+            for (count, code) in codes.iter_mut().zip(all) {
+                *count += usize::from(text.contains(code));
+            }
+            if let Err(wrong) = programs.lines(&text).check(machine.rest()) {
+                panic!("{seed}: {wrong}\n{text}");
+            }
+        }
+        assert!(codes.iter().all(|count| *count > 5), "{codes:?}");
     }
 
     #[test]

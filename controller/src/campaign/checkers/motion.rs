@@ -28,8 +28,10 @@ pub(super) struct Motion {
     rests: Vec<(Option<Increments>, Instant)>,
     /// By drive: since when it is far from its setpoint and goes on.
     far: Vec<Option<Instant>>,
-    /// By axis: where it was at the last wake-ups, the newest first, mm.
-    is: Vec<VecDeque<f64>>,
+    /// By axis: where it was at the last wake-ups, and how far its sides were apart, the newest first, mm.
+    is: Vec<VecDeque<(f64, f64)>>,
+    /// By axis: its sides have been together since it is where its plan has it.
+    is_square: Vec<bool>,
 }
 
 impl Motion {
@@ -39,6 +41,7 @@ impl Motion {
             rests: vec![(None, Instant::ZERO); machine.drives.len()],
             far: vec![None; machine.drives.len()],
             is: vec![VecDeque::new(); machine.axes.len()],
+            is_square: vec![false; machine.axes.len()],
         }
     }
 
@@ -142,7 +145,7 @@ impl Motion {
 
     /// Where nothing is wrong operators are shown where an axis is, or was a little while ago.
     fn shown(&mut self, scene: &Scene<'_>, found: &mut Found) {
-        let follows = matches!(scene.phase, Phase::Program | Phase::Stop);
+        let follows = follows_plan(scene);
         for (index, axis) in scene.machine.axes.iter().enumerate() {
             // Who is asked for a position says it some time later.
             if scene.is_polled(axis.drives[0]) {
@@ -155,18 +158,23 @@ impl Motion {
                 continue;
             };
             is.truncate(SHOWN_AFTER - 1);
-            is.push_front(scene.axis(index, sides.iter().sum::<f64>() / sides.len() as f64));
+            let middle = sides.iter().sum::<f64>() / sides.len() as f64;
+            is.push_front((scene.axis(index, middle), sides[sides.len() - 1] - sides[0]));
             if is.len() < SHOWN_AFTER || !scene.is_untroubled {
                 continue;
             }
-            let least = is.iter().copied().fold(f64::INFINITY, f64::min);
-            let most = is.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            let resolution = scene.machine.drives[axis.drives[0]].scaling.resolution();
+            let [least, most] = extent(is.iter().map(|it| it.0));
+            // Where sides move against each other it is shown by the one that is further behind.
+            let apart = extent(is.iter().map(|it| it.1));
+            if apart[1] - apart[0] > SWAYS * resolution {
+                continue;
+            }
             // Between wake-ups it may have been further.
             let steps = is.iter().zip(is.iter().skip(1));
             let between = steps
-                .map(|(one, other)| (one - other).abs())
+                .map(|(one, other)| (one.0 - other.0).abs())
                 .fold(0.0, f64::max);
-            let resolution = scene.machine.drives[axis.drives[0]].scaling.resolution();
             let encoder = axis.feedback.filter(|it| it.closes_loop);
             let by_encoder = encoder.map_or(0.0, |it| {
                 2.0 * scene.machine.encoders[it.encoder].scaling.resolution()
@@ -183,8 +191,13 @@ impl Motion {
         }
     }
 
-    fn together(&self, scene: &Scene<'_>, found: &mut Found) {
-        for axis in &scene.machine.axes {
+    fn together(&mut self, scene: &Scene<'_>, found: &mut Found) {
+        for (index, axis) in scene.machine.axes.iter().enumerate() {
+            // One that is to be taken square by a homing may stand further apart until that has come to its end.
+            if !scene.is_placed(index) || !follows_plan(scene) {
+                self.is_square[index] = false;
+                continue;
+            }
             let ([one, other], Some(limit)) = (&axis.drives[..], axis.limits.skew) else {
                 continue;
             };
@@ -194,6 +207,8 @@ impl Motion {
                 continue;
             };
             let skew = (a - b).abs();
+            self.is_square[index] |= skew <= limit;
+            let is_askew = self.is_square[index] && skew > limit;
             // What holds one side back, or lets go of it, is seen, and both brake: the free one as far off its setpoint as is no fault.
             let AxisLimits {
                 velocity,
@@ -202,20 +217,35 @@ impl Motion {
             } = axis.sent_limits;
             let way = velocity * (SEEN * scene.period() + 0.5 * velocity / acceleration);
             let braked = way + axis.limits.following_error;
-            if is_disturbed && scene.buses_are_sound() && skew > limit + braked {
+            if is_disturbed
+                && self.is_square[index]
+                && scene.buses_are_sound()
+                && skew > limit + braked
+            {
                 let what = "a gantry is askew by more than it takes to brake";
                 found.violate(NAME, scene, what, || {
                     let name = axis.name();
                     format!("axis {name}: {skew} mm, allowed {}", limit + braked)
                 });
             }
-            if both == [true; 2] && skew > limit && !is_disturbed {
+            if both == [true; 2] && is_askew && !is_disturbed {
                 found.violate(NAME, scene, "a gantry is askew", || {
                     format!("axis {}: {skew} mm, allowed {limit}", axis.name())
                 });
             }
         }
     }
+}
+
+/// Whether axes are where their plan has them.
+fn follows_plan(scene: &Scene<'_>) -> bool {
+    matches!(scene.phase, Phase::Program | Phase::Stop)
+}
+
+/// The least and the greatest of them.
+fn extent(all: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
+    let least = all.clone().fold(f64::INFINITY, f64::min);
+    [least, all.fold(f64::NEG_INFINITY, f64::max)]
 }
 
 impl Checker for Motion {

@@ -409,7 +409,9 @@ impl Reactions {
             .is_some_and(|status| status.power == PowerState::Enabled && status.mode_runs);
         let told = scene.drives[drive].controlword;
         let is_to = told.is_some_and(|word| word & FOLLOWS == FOLLOWS);
-        if watched.followed && !says && is_to && is_up(self.state) {
+        // One that homes by itself is in another mode meanwhile.
+        let homes = scene.homes_by_itself[scene.machine.drives[drive].axis];
+        if watched.followed && !says && is_to && is_up(self.state) && !homes {
             watched.shows.get_or_insert((scene.now, 0));
         }
         watched.followed = says;

@@ -5,7 +5,8 @@ use super::super::interference::{Interference, ToBus, ToDrive};
 use super::super::machine::Wire;
 use super::super::stage::Woken;
 use super::carriage::Corrected;
-use crate::control::{self, Phase, State};
+use crate::control::fault::DeviceCause;
+use crate::control::{self, Fault, Phase, State};
 use crate::machine::{HomingMethod, Machine, Motion};
 use crate::observe::mapping::{Heard, PdoMappings};
 use crate::observe::sent::PositionObjects;
@@ -33,8 +34,13 @@ pub(super) const DISTURBED: f64 = 4.0;
 pub(super) const FOLLOWS: u16 = 0x0F;
 /// By so much of the way a lead error changes at the most, as docs/machine-file.md has it.
 const STEEPEST: f64 = 0.1;
-/// The target velocity.
+/// The target velocity, and the position that a drive tells.
 const VELOCITY: u32 = 0x60FF_0020;
+const POSITION: u32 = 0x6064_0020;
+/// What an LXM32M's EMCY ends with that stands on its limit switch: A302h.
+const LIMIT_SWITCH: [u8; 2] = [0x02, 0xA3];
+/// A shaft that is slower may be compared with what its drive told a little before, rev/s.
+const STANDS: f64 = 0.01;
 
 /// How things are.
 #[derive(Debug)]
@@ -67,6 +73,12 @@ pub struct Scene<'a> {
     /// By axis: what machine positions are more than what the machine file makes of counts, mm. Only an operator who sets
     /// an axis where it stands makes that different from 0: all else finds what is true of the simulated machine.
     pub set_off: Vec<f64>,
+    /// By drive that homes by itself: what it counts more than its encoder, since it found a reference point.
+    shifted: Vec<Increments>,
+    /// By axis: its drive may be on its way home by itself.
+    pub homes_by_itself: Vec<bool>,
+    /// By axis: a homing by its drive was cut off.
+    cut_off: Vec<bool>,
     /// By axis: by how much those may be off, as was told, mm.
     pub uncertainty: Vec<f64>,
     /// By axis: what its drives are sent beyond it.
@@ -123,6 +135,8 @@ pub struct DriveScene {
     pub moves: bool,
     /// The last velocity that it was sent, in its own units.
     pub velocity: Option<i32>,
+    /// The last position that it told.
+    told: Option<Increments>,
 }
 
 #[derive(Debug)]
@@ -232,6 +246,9 @@ impl<'a> Scene<'a> {
                 .map(|axis| axis.homing.is_absolute())
                 .collect(),
             set_off: vec![0.0; machine.axes.len()],
+            shifted: vec![Increments::default(); machine.drives.len()],
+            homes_by_itself: vec![false; machine.axes.len()],
+            cut_off: vec![false; machine.axes.len()],
             uncertainty: vec![0.0; machine.axes.len()],
             corrected: Corrected::all(case),
             homed_off: vec![0.0; machine.axes.len()],
@@ -303,11 +320,25 @@ impl<'a> Scene<'a> {
         drives.next()
     }
 
-    /// Where a drive would be at so many increments, mm.
+    /// Where a drive would be that counts so many increments, mm.
     #[must_use]
     pub fn mm(&self, drive: usize, increments: Increments) -> f64 {
+        self.encoder_mm(drive, increments - self.shifted[drive])
+    }
+
+    /// Where a drive would be whose encoder is there, mm.
+    fn encoder_mm(&self, drive: usize, increments: Increments) -> f64 {
         let spec = &self.machine.drives[drive];
         spec.scaling.to_mm(increments) + self.set_off[spec.axis]
+    }
+
+    /// Whether an axis is homed by its drive.
+    #[must_use]
+    pub fn is_homed_by_drive(&self, axis: usize) -> bool {
+        matches!(
+            self.machine.axes[axis].homing.method,
+            HomingMethod::Drive(_)
+        )
     }
 
     /// Whether an axis goes by machine positions, and nobody has switched an input by which it is homed.
@@ -320,14 +351,14 @@ impl<'a> Scene<'a> {
     #[must_use]
     pub fn actual(&self, drive: usize) -> Option<f64> {
         let count = count(self.machine, drive, self.plants.get(drive)?.position);
-        Some(self.mm(drive, count))
+        Some(self.encoder_mm(drive, count))
     }
 
     /// Where what a drive moves is, mm.
     #[must_use]
     pub fn carriage(&self, drive: usize) -> Option<f64> {
         let load = self.plants.get(drive)?.load_position;
-        Some(self.mm(drive, count(self.machine, drive, load)))
+        Some(self.encoder_mm(drive, count(self.machine, drive, load)))
     }
 
     /// Where an axis is whose drives are there, mm: by [`Self::unknown`] more or less.
@@ -382,7 +413,8 @@ impl<'a> Scene<'a> {
             self.syncs[bus] = on_time.then_some(number);
             for (&index, reader) in drives.iter().zip(&*readers) {
                 let drive = &mut self.drives[index];
-                let follows = drive.follows();
+                let by_itself = self.homes_by_itself[self.machine.drives[index].axis];
+                let follows = drive.follows() && !by_itself;
                 let followed = std::mem::replace(&mut drive.in_effect, follows);
                 let before = drive.latched;
                 let plant = self.plants.get(index);
@@ -417,6 +449,7 @@ impl<'a> Scene<'a> {
                         *controlword = Some((drives[node], value as u16));
                     }
                     STATUSWORD => drive.statusword = Some(value as u16),
+                    POSITION => drive.told = Some((value as i32).into()),
                     VELOCITY => {
                         drive.velocity = Some(value as i32);
                         drive.came(sent.end);
@@ -480,33 +513,62 @@ impl<'a> Scene<'a> {
             Event::State(state) => {
                 self.state = *state;
                 self.state_since = self.now;
+                for axis in 0..self.machine.axes.len() {
+                    let begins = *state == State::Homing && self.is_homed_by_drive(axis);
+                    let goes_on = *state == State::Stopping && self.homes_by_itself[axis];
+                    self.homes_by_itself[axis] = begins || goes_on;
+                }
             }
             Event::Machine(control::Event::Referenced {
                 axis, uncertainty, ..
             }) => {
                 self.referenced[*axis] = true;
-                self.uncertainty[*axis] = uncertainty.unwrap_or(0.0);
+                self.homes_by_itself[*axis] = false;
                 let spec = &self.machine.axes[*axis];
+                let resolution = self.machine.drives[spec.drives[0]].scaling.resolution();
+                let learned = match spec.homing.method {
+                    HomingMethod::Drive(_) => 2.0 * SWAYS * resolution,
+                    _ => 0.0,
+                };
+                self.uncertainty[*axis] = uncertainty.unwrap_or(learned);
                 let corrected = &self.corrected[*axis];
                 let drive = spec.drives[0];
                 if let HomingMethod::SetHere { position } = spec.homing.method
                     && let Some(actual) = self.actual(drive)
                 {
                     self.set_off[*axis] += corrected.drives(position) - actual;
-                    let resolution = self.machine.drives[drive].scaling.resolution();
                     self.homed_off[*axis] = corrected.half + SWAYS * resolution;
                 } else {
                     self.homed_off[*axis] = corrected.greatest();
                 }
             }
-            Event::Machine(control::Event::Unreferenced { axis, .. }) => {
+            Event::Machine(
+                control::Event::Unreferenced { axis, .. } | control::Event::Askew { axis, .. },
+            ) => {
                 self.referenced[*axis] = false;
+                self.cut_off[*axis] |= self.homes_by_itself[*axis];
             }
-            Event::Machine(control::Event::Fault(_)) => self.faulted = true,
+            Event::Machine(control::Event::Fault(fault)) => {
+                self.faulted = true;
+                self.stopped_on_its_switch(fault);
+            }
             Event::Accepted(it) if it.command == crate::session::Command::Reset => {
                 self.faulted = false;
             }
             _ => {}
+        }
+    }
+
+    /// A drive whose homing was cut off beyond its limit switch says so, as it does of an error that somebody gave it.
+    fn stopped_on_its_switch(&mut self, fault: &Fault) {
+        if let Fault::Device(drive, DeviceCause::Emergency { emergency }) = fault
+            && let Some(spec) = self.machine.drives.get(*drive)
+            && self.cut_off[spec.axis]
+            && emergency.vendor[3..] == LIMIT_SWITCH
+        {
+            let error = Interference::Drive(*drive, ToDrive::Error(1));
+            self.interferences.push((self.now, error));
+            self.is_untroubled = false;
         }
     }
 
@@ -519,5 +581,29 @@ impl<'a> Scene<'a> {
         self.shown.clone_from(&woken.shown);
         self.commanded.clone_from(&woken.commanded);
         self.off_path = woken.off_path;
+        for axis in 0..self.machine.axes.len() {
+            if self.is_homed_by_drive(axis) {
+                self.learn(axis);
+            }
+        }
+    }
+
+    /// Learns, while it stands, what a drive counts that homes by itself, and until the homing is over what machine positions are
+    /// there: where exactly its reference point is, only the drive knows.
+    fn learn(&mut self, axis: usize) {
+        let drive = self.machine.axes[axis].drives[0];
+        let plant = &self.plants[drive];
+        if plant.velocity.abs() > STANDS {
+            return;
+        }
+        let counted = count(self.machine, drive, plant.position);
+        let follows = self.drives[drive].follows() && !self.homes_by_itself[axis];
+        if let (Some(told), false) = (self.drives[drive].told, follows) {
+            self.shifted[drive] = told - counted;
+        }
+        if self.state == State::Homing && self.referenced[axis] {
+            let drives = self.corrected[axis].drives(self.shown[axis]);
+            self.set_off[axis] += drives - self.encoder_mm(drive, counted);
+        }
     }
 }

@@ -112,9 +112,51 @@ pub(super) struct Reading<'a> {
 /// A change of a state.
 type Change = Box<dyn Fn(&mut Switched)>;
 
+/// What the positions of a program are shifted by, by axis, mm; `None`: nobody knows.
+struct Shifts {
+    /// Of G54 to G59.3.
+    offsets: Vec<Vec<Option<f64>>>,
+    active: usize,
+    /// Of G92 and G52, and whether it is on.
+    common: Vec<Option<f64>>,
+    is_on: bool,
+    /// Of tools.
+    lengths: Vec<(u32, Vec<Option<f64>>)>,
+    loaded: u32,
+    /// Of the tool that is compensated.
+    length: Vec<Option<f64>>,
+}
+
+impl Shifts {
+    fn new(axes: usize) -> Self {
+        let none = vec![Some(0.0); axes];
+        Self {
+            offsets: vec![none.clone(); 9],
+            active: 0,
+            common: none.clone(),
+            is_on: false,
+            lengths: Vec::new(),
+            loaded: 0,
+            length: none,
+        }
+    }
+
+    /// Without what G92 and G52 add.
+    fn beneath(&self, axis: usize) -> Option<f64> {
+        Some(self.offsets[self.active][axis]? + self.length[axis]?)
+    }
+
+    fn of(&self, axis: usize) -> Option<f64> {
+        let common = if self.is_on { self.common[axis]? } else { 0.0 };
+        Some(self.beneath(axis)? + common)
+    }
+}
+
 struct Reader<'a> {
     reading: &'a Reading<'a>,
     script: Script,
+    shifts: Shifts,
+    /// Where it is, machine positions.
     at: Vec<Option<f64>>,
     /// M62, M63 and M67, which wait for a motion.
     waiting: Vec<Change>,
@@ -134,6 +176,7 @@ impl Script {
     pub(super) fn read(lines: &[String], reading: &Reading<'_>, begins: Switched) -> Self {
         let mut reader = Reader {
             at: vec![None; reading.axes.len()],
+            shifts: Shifts::new(reading.axes.len()),
             script: Self {
                 steps: Vec::new(),
                 is_open: false,
@@ -274,6 +317,9 @@ impl Reader<'_> {
             words.next().map(|word| word.1)
         };
         let codes = |letter| words.iter().filter(move |word| word.0 == letter);
+        if self.shift(&value)? {
+            return Some(());
+        }
         self.functions(codes('M'), &value)?;
         let mut moves = None;
         for (_, code) in codes('G') {
@@ -291,7 +337,10 @@ impl Reader<'_> {
                 }
                 411 | 421 => self.compensated = true,
                 400 => self.compensated = false,
-                170..=190 | 210 | 490 | 540 | 800 | 930 | 940 | 980 | 990 => {}
+                490 => self.shifts.length.fill(Some(0.0)),
+                code @ 540..=590 => self.shifts.active = (code as usize - 540) / 10,
+                code @ 591..=593 => self.shifts.active = code as usize - 585,
+                170..=190 | 210 | 800 | 930 | 940 | 980 | 990 => {}
                 _ => return None,
             }
         }
@@ -305,6 +354,85 @@ impl Reader<'_> {
             self.ended |= matches!((*code)? as u32, 2 | 30);
         }
         Some(())
+    }
+
+    /// What sets a shift; false where nothing does, which is where a line may be anything else.
+    fn shift(&mut self, value: &dyn Fn(char) -> Option<Option<f64>>) -> Option<bool> {
+        if let Some(tool) = value('T') {
+            self.shifts.loaded = tool? as u32;
+        }
+        let code = (value('G').flatten().unwrap_or_default() * 10.0).round() as u32;
+        let letters = self.reading.axes.iter().map(|axis| value(axis.letter));
+        let words: Vec<Option<Option<f64>>> = letters.collect();
+        let named = words.iter().enumerate();
+        let named = named.filter_map(|(axis, word)| word.map(|word| (axis, word)));
+        let shifts = &mut self.shifts;
+        match code {
+            100 => {
+                let (what, number) = (value('L')?? as u32, value('P')?? as usize);
+                match what {
+                    1 => {
+                        let tool = number as u32;
+                        let known = shifts.lengths.iter().position(|it| it.0 == tool);
+                        let mut length = match known {
+                            Some(place) => shifts.lengths.swap_remove(place).1,
+                            None => vec![None; words.len()],
+                        };
+                        for (axis, word) in named {
+                            length[axis] = word;
+                        }
+                        shifts.lengths.push((tool, length));
+                    }
+                    2 | 20 => {
+                        let of = number.checked_sub(1).unwrap_or(shifts.active);
+                        for (axis, word) in named {
+                            let at = self.at[axis];
+                            let common = shifts.of(axis).zip(shifts.beneath(axis));
+                            let set = common.zip(shifts.length[axis]).zip(at).zip(word);
+                            shifts.offsets.get_mut(of)?[axis] = match what {
+                                2 => word,
+                                _ => set.map(|((((all, beneath), length), at), word)| {
+                                    at - word - length - (all - beneath)
+                                }),
+                            };
+                        }
+                    }
+                    _ => return None,
+                }
+            }
+            520 => {
+                for (axis, word) in named {
+                    shifts.common[axis] = word;
+                }
+                shifts.is_on = true;
+            }
+            920 => {
+                for (axis, word) in named {
+                    let set = self.at[axis].zip(shifts.beneath(axis)).zip(word);
+                    shifts.common[axis] = set.map(|((at, beneath), word)| at - beneath - word);
+                }
+                shifts.is_on = true;
+            }
+            921 => {
+                shifts.common.fill(Some(0.0));
+                shifts.is_on = false;
+            }
+            922 | 923 => shifts.is_on = code == 923,
+            430 => {
+                let tool = value('H').map_or(Some(shifts.loaded), |it| Some(it? as u32))?;
+                let mut lengths = shifts.lengths.iter();
+                shifts
+                    .length
+                    .clone_from(&lengths.find(|it| it.0 == tool)?.1);
+            }
+            431 => {
+                for (axis, word) in named {
+                    shifts.length[axis] = word;
+                }
+            }
+            _ => return Some(false),
+        }
+        Some(true)
     }
 
     /// What M-codes switch.
@@ -351,10 +479,11 @@ impl Reader<'_> {
     fn go(&mut self, to: &[Option<Option<f64>>]) -> Option<()> {
         let is_line = matches!(self.motion, Some(0 | 10));
         let is_cycle = !matches!(self.motion, Some(0..=30));
-        let there = self.at.iter().zip(to).map(|(at, to)| match to {
+        let axes = self.at.iter().zip(to).enumerate();
+        let there = axes.map(|(axis, (at, to))| match to {
             None => *at,
             Some(_) if is_cycle || self.compensated => None,
-            Some(to) if self.absolute => *to,
+            Some(to) if self.absolute => to.zip(self.shifts.of(axis)).map(|(to, by)| to + by),
             Some(by) => at.zip(*by).map(|(at, by)| at + by),
         });
         let there: Vec<Option<f64>> = there.collect();
@@ -389,5 +518,60 @@ impl Reader<'_> {
         }
         self.at = there;
         Some(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::case::Case;
+    use super::*;
+
+    #[test]
+    fn shifted_positions_are_those_of_the_machine() {
+        let axes = Case::of(0).machine.axes;
+        let letter = axes[0].letter;
+        let lines = [
+            "G0 X10",
+            "G92 X0",
+            "G1 X5",
+            "M64 P0",
+            "G92.1",
+            "G10 L2 P2 X3",
+            "G55",
+            "G1 X1",
+            "M65 P0",
+            "G43.1 X2",
+            "G0 X0",
+            "M64 P0",
+            "G52 X-1",
+            "G0 X0",
+            "M65 P0",
+            "G10 L1 P3 X7",
+            "G43 H3",
+            "G10 L20 P0 X1",
+            "G92.2",
+            "G0 X0",
+            "M64 P0",
+            "G54",
+            "G49",
+            "G0 X6",
+            "M65 P0",
+        ];
+        let lines: Vec<String> = lines
+            .iter()
+            .map(|line| line.replace('X', &letter.to_string()))
+            .collect();
+        let reading = Reading {
+            axes: &axes,
+            tolerances: [0.0; 2],
+            is_program: true,
+            is_placed: true,
+        };
+        let script = Script::read(&lines, &reading, Switched::default());
+        assert!(!script.is_open);
+        let places = script.steps.iter().skip(1).map(|step| step.place[0]);
+        let places: Vec<Option<f64>> = places.collect();
+        let right = [15.0, 4.0, 5.0, 4.0, 4.0, 6.0].map(Some);
+        assert_eq!(places, right);
     }
 }

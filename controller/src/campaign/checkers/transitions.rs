@@ -201,9 +201,11 @@ impl Checker for Transitions {
             return;
         };
         let before = self.state.replace(after).unwrap_or(State::Starting);
-        // What is left of a target is gone once the drives were off.
-        let mut axes = scene.machine.axes.iter();
-        let goes = axes.any(|axis| axis.motion == Motion::PointToPoint);
+        // What is left of a target, or of a way home by itself, is gone once the drives were off.
+        let mut axes = scene.machine.axes.iter().enumerate();
+        let goes = axes.any(|(index, axis)| {
+            axis.motion == Motion::PointToPoint || scene.is_homed_by_drive(index)
+        });
         let begins_anew = goes && (before, after) == (State::Stopping, State::Starting);
         if !may_follow(before, after) && !begins_anew {
             found.violate(NAME, scene, "a state that may not follow", || {

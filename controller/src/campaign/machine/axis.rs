@@ -18,6 +18,9 @@ const LXM32M_RAMP: Address = Address::new(0x3006, 0x12);
 pub(super) const STEPPER: &str = "tsp10";
 const STEPPER_SDO: &str = "[\"6075:0\", 5000]";
 
+/// What has an LXM32M be enabled that stands on its limit switch, as one that was stopped on its way home may.
+const ON_LIMIT_SWITCH: &str = "[\"3006:6\", 1]";
+
 /// An axis of one drive, or a gantry of two.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AxisSpec {
@@ -157,9 +160,19 @@ impl DeviceSpec {
             .copied()
     }
 
+    /// The numbers of inputs to which nothing is wired.
+    pub(super) fn spare_inputs(&self) -> Vec<usize> {
+        let inputs = self.model().map_or(&[][..], |model| model.inputs);
+        let used = |place: usize| {
+            let mut inputs = self.wires.iter().filter(|wire| wire.table == "input");
+            inputs.any(|wire| usize::from(wire.place) == place)
+        };
+        (0..inputs.len()).filter(|place| !used(*place)).collect()
+    }
+
     /// What it counts in a revolution, if that is a whole number of turns at its index, and its maker's to say and not the
     /// machine file's.
-    fn indexed(&self) -> Option<f64> {
+    pub(super) fn indexed(&self) -> Option<f64> {
         let model = self.model()?;
         let counts = model.maker.is_some() && model.abilities.contains(&Ability::CountsWithinTurn);
         counts.then(|| (model.increments_per_revolution)(&Assumed::default()).into())
@@ -299,11 +312,7 @@ impl AxisSpec {
         let name = self.drive_name(0);
         let drive = &mut self.drives[0];
         let inputs = drive.model().map_or(&[][..], |model| model.inputs);
-        let used = |place: usize| {
-            let mut inputs = drive.wires.iter().filter(|wire| wire.table == "input");
-            inputs.any(|wire| usize::from(wire.place) == place)
-        };
-        let spare: Vec<usize> = (0..inputs.len()).filter(|place| !used(*place)).collect();
+        let spare = drive.spare_inputs();
         if spare.is_empty() || dice.chance(0.3) {
             self.homing = Some(format!("kind = \"set_here\"\nposition = {inside}\n{jogs}"));
             return;
@@ -342,7 +351,9 @@ impl AxisSpec {
     /// Has the index behind the switch that it is homed by tell its place, where neither that nor the one before it is near
     /// to the edge.
     pub(super) fn take_index(&mut self) {
-        let drive = &self.drives[0];
+        let [drive] = &self.drives[..] else {
+            return;
+        };
         let Some(turn) = drive.indexed() else {
             return;
         };
@@ -386,6 +397,12 @@ impl AxisSpec {
         matches!(self.letter, 'A' | 'B' | 'C')
     }
 
+    /// Whether its drive homes by itself.
+    fn homes_by_drive(&self) -> bool {
+        let homing = self.homing.as_deref().unwrap_or_default();
+        homing.starts_with("kind = \"drive\"")
+    }
+
     /// What the machine file calls one of its drives.
     pub(super) fn drive_name(&self, side: usize) -> String {
         format!("{}{}", self.letter, side + 1)
@@ -411,6 +428,9 @@ impl AxisSpec {
                 drive.model,
                 drive.zero
             );
+            if self.homes_by_drive() {
+                let _ = writeln!(text, "sdo = [{ON_LIMIT_SWITCH}]");
+            }
             if drive.model == STEPPER {
                 let _ = writeln!(text, "sdo = [{STEPPER_SDO}]");
             }
@@ -470,7 +490,7 @@ impl AxisSpec {
             let _ = writeln!(text, "drive_soft_limits = {}", self.supervised);
         }
         if self.drives.len() == 2 {
-            let _ = writeln!(text, "skew_limit = {}", digits(0.1 * self.travel));
+            let _ = writeln!(text, "skew_limit = {}", self.skew_limit());
         }
         if let Some(inside) = &self.feed_forward {
             let _ = writeln!(text, "feed_forward = {{ {inside} }}");

@@ -146,7 +146,7 @@ impl AxisSpec {
     }
 
     /// More of what its drives move.
-    fn move_too(&mut self, keys: &str) {
+    pub(super) fn move_too(&mut self, keys: &str) {
         let before = self.simulation.take().map_or(String::new(), |it| it + ", ");
         self.simulation = Some(before + keys);
     }

@@ -1,6 +1,7 @@
 //! Random machines, as data: what a shrinking case leaves out, and what becomes a machine file.
 
 mod axis;
+mod homing;
 mod mechanics;
 mod wires;
 
@@ -170,6 +171,8 @@ impl MachineSpec {
         machine.wire(&mut Dice::new(seed, 5));
         machine.equip(&mut Dice::new(seed, 9));
         machine.home(&mut Dice::new(seed, 10));
+        machine.square(&mut Dice::new(seed, 34));
+        machine.home_by_drives(&mut Dice::new(seed, 35));
         machine.watch(&mut Dice::new(seed, 11));
         machine.shape(&mut Dice::new(seed, 13));
         machine.stream(&mut Dice::new(seed, 14));
@@ -406,6 +409,33 @@ impl MachineSpec {
             }
         }
         self.take_if_it_fits(homed);
+    }
+
+    /// Has sides of gantries stand apart, and some be taken square by a homing.
+    fn square(&mut self, dice: &mut Dice) {
+        for place in 0..self.axes.len() {
+            let mut with = self.clone();
+            let asked = dice.chance(0.7);
+            if asked && self.axes[place].drives.len() == 2 {
+                with.axes[place].home_gantry(dice);
+                self.take_if_it_fits(with);
+            }
+        }
+    }
+
+    /// Has drives of some machines home by themselves.
+    fn home_by_drives(&mut self, dice: &mut Dice) {
+        if !dice.chance(0.15) {
+            return;
+        }
+        for place in 0..self.axes.len() {
+            let mut with = self.clone();
+            let axis = &mut with.axes[place];
+            if dice.chance(0.6) && axis.drives.len() == 1 && axis.homing.is_none() {
+                axis.home_by_drive(dice);
+                self.take_if_it_fits(with);
+            }
+        }
     }
 
     /// Has some of those that are homed by a switch take the index behind it.
@@ -756,7 +786,7 @@ mod tests {
         let (mut wires, mut homed, mut switches, mut encoders, mut shapers) = (0, 0, 0, 0, 0);
         let (mut spindles, mut measured, mut indices, mut torques) = (0, 0, 0, 0);
         let (mut corrected, mut fitting, mut plays, mut weights, mut greased) = (0, 0, 0, 0, 0);
-        let (mut methods, mut told) = (0, 0);
+        let (mut methods, mut told, mut squared, mut by_drive) = (0, 0, 0, 0);
         let (mut velocities, mut goers, mut steppers, mut loops, mut described) = (0, 0, 0, 0, 0);
         for seed in 0..300 {
             let spec = MachineSpec::of(seed);
@@ -786,6 +816,9 @@ mod tests {
             torques += (spec.axes.iter().filter(|it| it.feed_forward.is_some())).count();
             methods += usize::from(spec.shaper.as_ref().is_some_and(|it| it.method.is_some()));
             for axis in &spec.axes {
+                let homing = axis.homing.as_deref().unwrap_or_default();
+                squared += usize::from(homing.contains("max_skew"));
+                by_drive += usize::from(homing.contains("\"drive\""));
                 let carriage = axis.transmission.as_ref().map(|it| &it.errors);
                 corrected += usize::from(axis.corrected.is_some());
                 fitting +=
@@ -805,6 +838,7 @@ mod tests {
             "{corrected} {fitting} {plays} {weights} {greased}"
         );
         assert!(methods > 10 && told > 10, "{methods} {told}");
+        assert!(squared > 30 && by_drive > 20, "{squared} {by_drive}");
         assert!(
             wires > 300 && homed > 100 && switches > 50 && encoders > 50 && shapers > 20,
             "{wires} {homed} {switches} {encoders} {shapers}"
@@ -814,7 +848,7 @@ mod tests {
             "{spindles} {measured} {indices} {torques}"
         );
         assert!(
-            velocities > 50 && goers > 20 && steppers > 10 && loops > 20 && described > 100,
+            velocities > 50 && goers > 15 && steppers > 10 && loops > 20 && described > 100,
             "{velocities} {goers} {steppers} {loops} {described}"
         );
     }
