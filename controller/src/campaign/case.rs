@@ -155,6 +155,7 @@ impl Case {
         interference::switch_inputs(&mut dice(8), machine, cycles, &mut troubles);
         interference::slip(&mut dice(12), machine, cycles, &mut troubles);
         interference::command_besides(&mut dice(22), machine, cycles, &mut troubles);
+        interference::be_strange(&mut dice(37), machine, cycles, &mut troubles);
         // The machine comes up once, in the first part.
         let so_far = self.cycles;
         let begins = |at: &When| part == 0 || matches!(at, When::Ready(_));

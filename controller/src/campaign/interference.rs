@@ -9,8 +9,9 @@ use crate::port::sim::SimPort;
 use crate::port::{Port, PortError};
 use serde::{Deserialize, Serialize};
 use std::mem::take;
+use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::time::Duration;
-use syncline_canopen::{CanId, CobId, Frame, nmt};
+use syncline_canopen::{Address, CanId, CobId, Frame, nmt};
 use syncline_drives::twin::{Disturbance, ErrorClass};
 use syncline_drives::world::{BusId, World};
 
@@ -66,6 +67,14 @@ pub enum ToDrive {
     EnableTime(u32),
     /// What is wired to the input with this number is on.
     Input(u8, bool),
+    /// Whether no R_PDO reaches it.
+    Deaf(bool),
+    /// Its power stage is on, as a master that crashed may have left it.
+    FoundEnabled,
+    /// It is the device of another maker, with this vendor id.
+    Vendor(u32),
+    /// It refuses that this object, index and sub-index, is written.
+    Refuse(u16, u8),
 }
 
 /// What happens to a bus, at the controller's end of it.
@@ -90,6 +99,8 @@ pub enum ToBus {
     Intruder(u16, [u8; 8], u32),
     /// Another master commands devices: the command and the node, 0 for all of the bus.
     Nmt(u8, u8),
+    /// There is a second node with this id: behind each of so many frames of the first one comes one of its own.
+    SecondNode(u8, u32),
 }
 
 /// What becomes of frames that come in.
@@ -133,6 +144,8 @@ pub enum Change {
     Corrupt(u8),
     /// It begins with this byte: in an SDO answer, another command than the one that it answers.
     Begin(u8),
+    /// It has no more than so many bytes.
+    Cut(u8),
 }
 
 impl Traffic {
@@ -173,6 +186,12 @@ impl ToDrive {
             Self::Remote(on) => Disturbance::Remote(on),
             Self::EnableTime(ms) => Disturbance::EnableTime(Duration::from_millis(ms.into())),
             Self::Input(input, on) => Disturbance::Input(input, on),
+            Self::Deaf(on) => Disturbance::Deaf(on),
+            Self::FoundEnabled => Disturbance::FoundEnabled,
+            Self::Vendor(id) => Disturbance::Vendor(id),
+            Self::Refuse(index, sub) => {
+                Disturbance::RefuseWrite(Address::new(index, sub), AbortCode::ReadOnly)
+            }
         }
     }
 
@@ -185,6 +204,7 @@ impl ToDrive {
             Self::Mute(true) => Self::Mute(false),
             Self::ErrorPersists(true) => Self::ErrorPersists(false),
             Self::Remote(false) => Self::Remote(true),
+            Self::Deaf(true) => Self::Deaf(false),
             _ => return None,
         })
     }
@@ -237,6 +257,11 @@ impl Interference {
                 ToDrive::EnableTime(_) => "enabling takes longer",
                 ToDrive::Input(_, true) => "input on",
                 ToDrive::Input(_, false) => "input off",
+                ToDrive::Deaf(true) => "drive deaf to R_PDOs",
+                ToDrive::Deaf(false) => "drive hears again",
+                ToDrive::FoundEnabled => "power stage found on",
+                ToDrive::Vendor(_) => "another maker's device",
+                ToDrive::Refuse(..) => "an SDO write refused",
             },
             Self::Bus(_, what) => match what {
                 ToBus::DropBursts(_) => "bursts dropped",
@@ -251,9 +276,11 @@ impl Interference {
                     Change::Duplicate => "frames duplicated",
                     Change::Corrupt(_) => "frames corrupted",
                     Change::Begin(_) => "SDO answers wrong",
+                    Change::Cut(_) => "frames cut short",
                 },
                 ToBus::Intruder(..) => "frames of a stranger",
                 ToBus::Nmt(..) => "NMT command of another master",
+                ToBus::SecondNode(..) => "second node with the same id",
             },
             Self::Slip(..) => "coupling of an encoder slips",
             Self::Late(_) => "wake-up late",
@@ -308,6 +335,7 @@ pub(super) fn of_kind(dice: &mut Dice, machine: &MachineSpec, kind: &str) -> Opt
     let drawn = (0..DRAWS).flat_map(|draw| {
         let what = match draw % 16 {
             0 => nmt(dice, machine),
+            1 => strange(dice, machine).1,
             _ => any(dice, machine),
         };
         let end = what.end();
@@ -489,6 +517,75 @@ fn nmt(dice: &mut Dice, machine: &MachineSpec) -> Interference {
     Interference::Bus(bus, ToBus::Nmt(command as u8, if all { 0 } else { node }))
 }
 
+/// Where there is trouble anyway: what few machines have, devices that are not what they should be, and frames that are not whole.
+pub(super) fn be_strange(
+    dice: &mut Dice,
+    machine: &MachineSpec,
+    cycles: u32,
+    troubles: &mut Vec<Trouble>,
+) {
+    if troubles.is_empty() || !dice.chance(0.25) {
+        return;
+    }
+    let at = When::draw(dice, cycles);
+    let (device, what) = strange(dice, machine);
+    let is_cut = what.kind() == "frames cut short";
+    let end = what.end();
+    troubles.push(Trouble { at, what });
+    if let Some(end) = end {
+        let at = at.later(dice.whole(1..=cycles / 2));
+        troubles.push(Trouble { at, what: end });
+    }
+    if is_cut {
+        let error = ToDrive::Error(dice.whole(0..=3) as u8);
+        troubles.push(Trouble {
+            at: at.later(dice.whole(1..=20)),
+            what: Interference::Drive(device, error),
+        });
+    }
+    troubles.sort_by_key(|trouble| trouble.at);
+}
+
+/// Objects that a set-up writes: the interpolation period, the mode, the SYNC behind which nothing is wrong, a mapping, a heartbeat.
+const WRITTEN: [(u16, u8); 6] = [
+    (0x60C2, 1),
+    (0x6060, 0),
+    (0x1006, 0),
+    (0x1600, 0),
+    (0x1017, 0),
+    (0x1400, 1),
+];
+
+/// A device, and what is strange about it.
+fn strange(dice: &mut Dice, machine: &MachineSpec) -> (usize, Interference) {
+    let nodes: Vec<_> = machine.nodes().collect();
+    let device = dice.below(nodes.len());
+    let (bus, node) = nodes[device];
+    let what = match dice.weighted(&[4, 4, 1, 2, 2, 1]) {
+        0 => {
+            let count = *dice.pick(&[1, 2, 20, 1000]);
+            Interference::Bus(bus, ToBus::SecondNode(node, count))
+        }
+        1 => {
+            let tampering = Tampering {
+                traffic: Traffic::Emergency,
+                node,
+                change: Change::Cut(dice.whole(0..=7) as u8),
+                count: dice.whole(1..=3),
+            };
+            Interference::Bus(bus, ToBus::Incoming(tampering))
+        }
+        2 => Interference::Drive(device, ToDrive::Vendor(dice.whole(1..=999))),
+        3 => {
+            let (index, sub) = *dice.pick(&WRITTEN);
+            Interference::Drive(device, ToDrive::Refuse(index, sub))
+        }
+        4 => Interference::Drive(device, ToDrive::Deaf(true)),
+        _ => Interference::Drive(device, ToDrive::FoundEnabled),
+    };
+    (device, what)
+}
+
 /// The node ids of the devices.
 fn nodes(machine: &MachineSpec) -> Vec<u8> {
     machine.nodes().map(|(_, node)| node).collect()
@@ -507,6 +604,8 @@ pub(super) struct TroubledPort {
     intruder: Option<(Frame, u32)>,
     /// What another master puts on the bus.
     nmt: Option<Frame>,
+    /// A second node has this id, for so many frames more.
+    second: Option<(u8, u32)>,
     /// Bursts that wait for the next SYNC to leave.
     late: Vec<Frame>,
     /// Frames that come a cycle later.
@@ -527,6 +626,7 @@ impl TroubledPort {
             tampering: Vec::new(),
             intruder: None,
             nmt: None,
+            second: None,
             late: Vec::new(),
             delayed: Vec::new(),
         }
@@ -551,6 +651,7 @@ impl TroubledPort {
                 self.intruder = Some((frame, count));
             }
             ToBus::Nmt(command, node) => self.nmt = Some(Frame::new(CobId::NMT, &[command, node])),
+            ToBus::SecondNode(node, count) => self.second = Some((node, count)),
         }
     }
 
@@ -584,13 +685,14 @@ impl TroubledPort {
                 0
             }
             Change::Duplicate => 2,
-            Change::Corrupt(_) | Change::Begin(_) => {
+            Change::Corrupt(_) | Change::Begin(_) | Change::Cut(_) => {
                 let mut data = frame.data().to_vec();
                 match tampering.change {
                     Change::Corrupt(bit) if data.len() > usize::from(bit / 8) => {
                         data[usize::from(bit / 8)] ^= 1 << (bit % 8);
                     }
                     Change::Begin(byte) if !data.is_empty() => data[0] = byte,
+                    Change::Cut(length) => data.truncate(length.into()),
                     _ => {}
                 }
                 received.frame = Frame::new(frame.id(), &data);
@@ -598,6 +700,25 @@ impl TroubledPort {
             }
         }
     }
+}
+
+/// What a node sends that has not been set up, with the identifier of that frame.
+fn of_another(frame: &Frame) -> Frame {
+    let CanId::Standard(id) = frame.id() else {
+        return *frame;
+    };
+    let mut data = vec![0; frame.data().len()];
+    let begins: &[u8] = match id >> 7 {
+        // Switch On Disabled, Pre-Operational, and a general abort.
+        0x3 => &[0x50, 0x02],
+        0xE => &[0x7F],
+        0xB => &[0x80, 0, 0, 0, 0, 0, 0, 0x08],
+        _ => &[],
+    };
+    for (byte, begin) in data.iter_mut().zip(begins) {
+        *byte = *begin;
+    }
+    Frame::new(frame.id(), &data)
 }
 
 /// One less, if there is one.
@@ -640,8 +761,25 @@ impl Port for TroubledPort {
             });
         }
         for mut received in came {
+            let (frame, is_ours) = (received.frame, !received.echo);
             for _ in 0..self.tamper(&mut received) {
                 sink(received);
+            }
+            let kinds = [
+                Traffic::TPdo,
+                Traffic::Heartbeat,
+                Traffic::Emergency,
+                Traffic::Sdo,
+            ];
+            if let Some((node, count)) = &mut self.second
+                && is_ours
+                && kinds.iter().any(|kind| kind.matches(*node, &frame))
+                && take_one(count)
+            {
+                sink(Received {
+                    frame: of_another(&frame),
+                    ..received
+                });
             }
         }
         Ok(())

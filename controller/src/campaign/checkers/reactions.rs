@@ -252,7 +252,7 @@ impl Reactions {
                     }
                 }
             }
-            ToBus::Intruder(..) => self.is_feigned = true,
+            ToBus::Intruder(..) | ToBus::SecondNode(..) => self.is_feigned = true,
             _ => {}
         }
     }
