@@ -39,7 +39,7 @@ pub use coverage::Coverage;
 pub use interference::{Change, Interference, Tampering, ToBus, ToDrive, Traffic, Trouble};
 pub use machine::{
     AxisSpec, DeviceSpec, EncoderSpec, ErrorSpec, IoSpec, MachineSpec, ShaperSpec, SpindleSpec,
-    TransmissionSpec, Wire,
+    TransmissionSpec, WarmthSpec, Wire,
 };
 pub use operator::Deed;
 pub use stage::{Seen, Wanted};

@@ -41,6 +41,8 @@ pub struct Corrected {
     pub half: f64,
     /// What lies between motors and carriage of the simulated axis, if it is there: half of its play, and its lead error.
     carriage: Option<(f64, Vec<(f64, f64)>)>,
+    /// The furthest that warmth puts its carriage off, mm.
+    grows: f64,
 }
 
 /// A lead error: the natural cubic spline through its points, by the slopes there, and to either side of these a way out to where it is constant.
@@ -144,6 +146,7 @@ impl Corrected {
                 (0.5 * play, errors.lead_error.clone())
             });
             Self {
+                grows: (axis.warmth.as_ref()).map_or(0.0, |it| it.greatest(axis.soft_limits)),
                 curve: Curve::new(&corrected),
                 half: 0.5 * corrected.backlash,
                 carriage,
@@ -175,7 +178,7 @@ impl Corrected {
             let errors = points.iter().map(|(_, error)| 1e-3 * error.abs());
             half + errors.fold(0.0, f64::max)
         });
-        self.half + own + carriage
+        self.half + own + carriage + 2.0 * self.grows
     }
 }
 
@@ -340,6 +343,7 @@ fn stands_there(
         || scene.seconds() - watched.since < DISTURBED
         || scene.is_disturbed(DISTURBED)
         || spec.homing.is_some()
+        || spec.warmth.is_some()
         || spec
             .simulation
             .as_ref()

@@ -39,6 +39,8 @@ const VELOCITY: u32 = 0x60FF_0020;
 const POSITION: u32 = 0x6064_0020;
 /// What an LXM32M's EMCY ends with that stands on its limit switch: A302h.
 const LIMIT_SWITCH: [u8; 2] = [0x02, 0xA3];
+/// What a drive told is from so long before what comes of it, cycles.
+const TOLD_BEFORE: f64 = 4.0;
 /// A shaft that is slower may be compared with what its drive told a little before, rev/s.
 const STANDS: f64 = 0.01;
 
@@ -532,12 +534,18 @@ impl<'a> Scene<'a> {
                 };
                 self.uncertainty[*axis] = uncertainty.unwrap_or(learned);
                 let corrected = &self.corrected[*axis];
-                let drive = spec.drives[0];
+                let sides = spec.drives.iter().map(|drive| self.actual(*drive));
+                let sides: Option<Vec<f64>> = sides.collect();
                 if let HomingMethod::SetHere { position } = spec.homing.method
-                    && let Some(actual) = self.actual(drive)
+                    && let Some(sides) = sides
                 {
+                    let actual = sides.iter().sum::<f64>() / sides.len() as f64;
+                    // One that sags as it is enabled has gone on since its drives told where it was.
+                    let fastest = spec.drives.iter().map(|it| self.plants[*it].velocity.abs());
+                    let speed = fastest.fold(0.0, f64::max) * spec.mm_per_revolution;
+                    let went = TOLD_BEFORE * self.period() * speed;
                     self.set_off[*axis] += corrected.drives(position) - actual;
-                    self.homed_off[*axis] = corrected.half + SWAYS * resolution;
+                    self.homed_off[*axis] = corrected.half + SWAYS * resolution + went;
                 } else {
                     self.homed_off[*axis] = corrected.greatest();
                 }

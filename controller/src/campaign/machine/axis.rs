@@ -1,7 +1,7 @@
 //! Axes of a random machine, with their drives and encoders.
 
 use super::super::dice::{Dice, rounded};
-use super::mechanics::{ErrorSpec, TransmissionSpec};
+use super::mechanics::{ErrorSpec, TransmissionSpec, WarmthSpec};
 use super::wires::{HOME, Wire};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
@@ -63,6 +63,12 @@ pub struct AxisSpec {
     /// What is between its motors and its carriage.
     #[serde(default)]
     pub transmission: Option<TransmissionSpec>,
+    /// How warm that is.
+    #[serde(default)]
+    pub warmth: Option<WarmthSpec>,
+    /// Hardware stops it where the controller is gone.
+    #[serde(default)]
+    pub stopped_by_hardware: bool,
 }
 
 /// An encoder of an axis, by CiA 406.
@@ -254,6 +260,8 @@ impl AxisSpec {
             position_loss: None,
             corrected: None,
             transmission: None,
+            warmth: None,
+            stopped_by_hardware: false,
         }
     }
 
@@ -481,6 +489,9 @@ impl AxisSpec {
         }
         if self.goes {
             text.push_str("motion = \"point_to_point\"\n");
+        }
+        if self.stopped_by_hardware {
+            text.push_str("unsupervised_stop = \"hardware\"\n");
         }
         if let Some(ms) = self.position_loss {
             let _ = writeln!(text, "position_loss_ms = {ms}");

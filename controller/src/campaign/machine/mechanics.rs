@@ -23,6 +23,12 @@ const ROWS: u32 = 12;
 /// The greatest errors that the machine file takes: of backlash mm, of a lead error µm.
 const GREATEST: (f64, f64) = (1.0, 1000.0);
 
+/// Warmth has a transmission grow by so much of a revolution at the most, inside the soft limits.
+const GROWS: f64 = 0.05;
+
+/// What racking takes of a motor's torque where the sides of a beam are as far apart as they may be, at the most.
+const RACKS: f64 = 0.1;
+
 /// Of what an encoder beside an axis may differ, as much may be errors of the transmission.
 const SEEN: f64 = 0.1;
 
@@ -42,6 +48,27 @@ pub struct TransmissionSpec {
     pub errors: ErrorSpec,
     /// What gives way, if it has play: antiresonance, Hz, and the load's inertia, of that of the rotor.
     pub soft: Option<(f64, f64)>,
+}
+
+/// How much warmer the transmission of a simulated axis is than where its lead is right.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct WarmthSpec {
+    /// In the end, K.
+    pub rise: f64,
+    /// µm/m/K.
+    pub expansion: f64,
+    /// Where it does not move, mm.
+    pub fixed_at: f64,
+    /// With which time constant it becomes so, s.
+    pub time: f64,
+}
+
+impl WarmthSpec {
+    /// The furthest that it puts the carriage off between these positions, mm.
+    pub(in super::super) fn greatest(&self, ends: [f64; 2]) -> f64 {
+        let off = ends.map(|end| 1e-6 * self.expansion * self.rise * (end - self.fixed_at));
+        off[0].abs().max(off[1].abs())
+    }
 }
 
 impl ErrorSpec {
@@ -201,7 +228,7 @@ impl AxisSpec {
             dice.between(0.0, 2.5),
         );
         let soft = (
-            digits(dice.between(150.0, 400.0)),
+            digits(dice.between(60.0, 400.0)),
             digits(dice.between(0.3, 1.5)),
         );
         let sees_load = self.encoder.as_ref().is_some_and(|it| it.closes_loop);
@@ -227,6 +254,57 @@ impl AxisSpec {
         });
     }
 
+    /// Has its transmission be warm, or become so.
+    pub(super) fn warm(&mut self, dice: &mut Dice) {
+        let [least, most] = self.soft_limits;
+        let mut warmth = WarmthSpec {
+            rise: dice.between(-40.0, 60.0),
+            expansion: digits(dice.between(5.0, 25.0)),
+            fixed_at: digits(dice.between(least, most)),
+            time: *dice.pick(&[0.0, 0.5, 10.0, 1000.0]),
+        };
+        let greatest = warmth.greatest(self.soft_limits);
+        warmth.rise = digits(warmth.rise * (GROWS * self.travel / greatest).min(1.0));
+        let is_watched = self.encoder.is_some() || self.goes;
+        if !self.is_rotary() && !is_watched && self.is_servo() {
+            self.warmth = Some(warmth);
+        }
+    }
+
+    /// Has a beam tie the sides of a gantry together, and of some the carriage of another axis, with that travel, run along it.
+    pub(super) fn tie(&mut self, dice: &mut Dice, carriages: &[(char, f64)]) {
+        let (motor, radius) = (self.motor(), self.radius());
+        let ratio = 2.0 * dice.between(0.5, 4.0);
+        let mass = digits((ratio * motor.rotor_inertia / (radius * radius)).clamp(0.01, 1e5));
+        let (mut span, mut carriage) = (dice.between(200.0, 3000.0), String::new());
+        if !carriages.is_empty() && dice.chance(0.5) {
+            let (letter, travel) = *dice.pick(carriages);
+            let mass = digits(mass * dice.between(0.02, 0.2));
+            carriage = format!(", carriage = \"{letter}\", carriage_mass = {mass:?}");
+            // It stays between the sides.
+            span = (travel * dice.between(1.1, 2.0)).clamp(100.0, 1e5);
+        }
+        let span = digits(span);
+        let metres = 1e-3 * span;
+        let inertia = mass * metres * metres / 12.0 * dice.between(0.5, 2.0);
+        let skew = 1e-3 * self.skew_limit();
+        let stiffest = RACKS * motor.continuous_torque * metres * metres / (skew * radius);
+        let stiffness = match dice.chance(0.7) {
+            true => (stiffest * dice.between(0.01, 1.0)).min(1e12),
+            false => 0.0,
+        };
+        let damping = 2.0 * dice.between(0.05, 0.5) * (stiffness * inertia).sqrt();
+        if self.drives.len() != 2 || self.is_rotary() || self.transmission.is_some() {
+            return;
+        }
+        self.move_too(&format!(
+            "mechanics = \"rigid_beam\", mass = {mass:?}, inertia = {:?}, span = {span:?}, racking_stiffness = {stiffness:?}, \
+             racking_damping = {:?}{carriage}",
+            inertia.clamp(1e-6, 1e9),
+            damping.min(1e9),
+        ));
+    }
+
     /// Has both be half as large.
     pub(super) fn halve_errors(&mut self) {
         let transmission = self.transmission.as_mut().map(|it| &mut it.errors);
@@ -237,8 +315,21 @@ impl AxisSpec {
 
     /// What is between its motors and its carriage, as the inside of `simulation`.
     pub(super) fn between(&self) -> Option<String> {
-        let TransmissionSpec { errors, soft } = self.transmission.as_ref()?;
+        let none = (&ErrorSpec::default(), &None);
+        let transmission = self.transmission.as_ref();
+        let (errors, soft) = transmission.map_or(none, |it| (&it.errors, &it.soft));
         let mut keys = Vec::new();
+        if let Some(WarmthSpec {
+            rise,
+            expansion,
+            fixed_at,
+            time,
+        }) = &self.warmth
+        {
+            keys.push(format!(
+                "temperature_rise = {rise:?}, expansion = {expansion:?}, fixed_at = {fixed_at:?}, warming_time = {time:?}"
+            ));
+        }
         if let Some((frequency, ratio)) = soft {
             let (radius, motor) = (self.radius(), self.motor());
             let inertia = ratio * motor.rotor_inertia;

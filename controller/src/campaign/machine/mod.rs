@@ -7,7 +7,7 @@ mod wires;
 
 pub use axis::{AxisSpec, DeviceSpec, EncoderSpec};
 use axis::{ENCODER_NODES, STEPPER};
-pub use mechanics::{ErrorSpec, TransmissionSpec};
+pub use mechanics::{ErrorSpec, TransmissionSpec, WarmthSpec};
 pub use wires::{IoSpec, Wire};
 
 use super::dice::{Dice, rounded};
@@ -64,6 +64,9 @@ const COMMON: [Key; 4] = [
 
 /// Draws of a machine until one fits its buses; then the simplest one is taken.
 const DRAWS: usize = 40;
+
+/// The greatest travel of a carriage that runs along a beam, mm.
+const WIDEST: f64 = 5000.0;
 
 /// Errors of a transmission are halved as often, until they leave the plan enough.
 const HALVINGS: u32 = 8;
@@ -176,6 +179,7 @@ impl MachineSpec {
         machine.watch(&mut Dice::new(seed, 11));
         machine.shape(&mut Dice::new(seed, 13));
         machine.stream(&mut Dice::new(seed, 14));
+        machine.step(&mut Dice::new(seed, 40));
         machine.describe(&mut Dice::new(seed, 15));
         machine.measure(&mut Dice::new(seed, 17));
         machine.turn(&mut Dice::new(seed, 19));
@@ -184,6 +188,8 @@ impl MachineSpec {
         machine.weigh(&mut Dice::new(seed, 30));
         machine.err(&mut Dice::new(seed, 31));
         machine.choose_method(&mut Dice::new(seed, 32));
+        machine.warm(&mut Dice::new(seed, 38));
+        machine.tie(&mut Dice::new(seed, 39));
         machine.stop_together = Dice::new(seed, 33).chance(0.2);
         machine
     }
@@ -487,6 +493,36 @@ impl MachineSpec {
         }
     }
 
+    /// Has transmissions of some machines be warm.
+    fn warm(&mut self, dice: &mut Dice) {
+        if !dice.chance(0.2) {
+            return;
+        }
+        for place in 0..self.axes.len() {
+            let mut with = self.clone();
+            if dice.chance(0.6) {
+                with.axes[place].warm(dice);
+                self.take_if_it_fits(with);
+            }
+        }
+    }
+
+    /// Has beams tie the sides of some gantries together.
+    fn tie(&mut self, dice: &mut Dice) {
+        let single = self.axes.iter().filter(|it| it.drives.len() == 1);
+        let linear = single.filter(|it| !it.is_rotary() && !it.goes);
+        let carriages = linear.map(|it| (it.letter, it.soft_limits[1] - it.soft_limits[0]));
+        let carriages: Vec<(char, f64)> =
+            carriages.filter(|(_, travel)| *travel < WIDEST).collect();
+        for place in 0..self.axes.len() {
+            let mut with = self.clone();
+            if dice.chance(0.5) && with.axes[place].drives.len() == 2 {
+                with.axes[place].tie(dice, &carriages);
+                self.take_if_it_fits(with);
+            }
+        }
+    }
+
     /// Has some shapers shape all moves by the one method or by the other.
     fn choose_method(&mut self, dice: &mut Dice) {
         let method = *dice.pick(&[None, Some("clock"), Some("coordinates")]);
@@ -555,6 +591,41 @@ impl MachineSpec {
         spec.take_stepper();
         if spec.encoder.is_none() {
             self.give_encoder(dice, axis);
+        }
+    }
+
+    /// Has stepping motors be sent velocities, with an encoder that closes the loop, where an I/O node has an output to spare for the
+    /// enable chain that stops them if the controller is gone.
+    fn step(&mut self, dice: &mut Dice) {
+        let asked = dice.chance(0.5);
+        let node = self
+            .io_nodes
+            .iter()
+            .position(|io| io.spare_output().is_some());
+        let (Some(node), true) = (node, asked && self.cycle_us >= LEAST_CYCLE) else {
+            return;
+        };
+        let mut stepped = self.clone();
+        for axis in 0..self.axes.len() {
+            let spec = &self.axes[axis];
+            let [least, most] = spec.soft_limits;
+            let may = spec.is_plain() && !spec.goes && least <= 0.0 && most >= 0.0;
+            if !may || !dice.chance(0.5) {
+                continue;
+            }
+            if spec.encoder.is_none() {
+                stepped.give_encoder(dice, axis);
+            }
+            let spec = &mut stepped.axes[axis];
+            spec.take_stepper();
+            spec.stopped_by_hardware = true;
+            if let Some(encoder) = &mut spec.encoder {
+                encoder.closes_loop = true;
+            }
+        }
+        stepped.io_nodes[node].chain();
+        if stepped.axes != self.axes {
+            self.take_if_it_fits(stepped);
         }
     }
 
@@ -786,7 +857,8 @@ mod tests {
         let (mut wires, mut homed, mut switches, mut encoders, mut shapers) = (0, 0, 0, 0, 0);
         let (mut spindles, mut measured, mut indices, mut torques) = (0, 0, 0, 0);
         let (mut corrected, mut fitting, mut plays, mut weights, mut greased) = (0, 0, 0, 0, 0);
-        let (mut methods, mut told, mut squared, mut by_drive) = (0, 0, 0, 0);
+        let (mut methods, mut told) = (0, 0);
+        let (mut squared, mut by_drive, mut tied, mut warm, mut stopped) = (0, 0, 0, 0, 0);
         let (mut velocities, mut goers, mut steppers, mut loops, mut described) = (0, 0, 0, 0, 0);
         for seed in 0..300 {
             let spec = MachineSpec::of(seed);
@@ -819,6 +891,13 @@ mod tests {
                 let homing = axis.homing.as_deref().unwrap_or_default();
                 squared += usize::from(homing.contains("max_skew"));
                 by_drive += usize::from(homing.contains("\"drive\""));
+                tied += usize::from(
+                    axis.simulation
+                        .as_ref()
+                        .is_some_and(|it| it.contains("beam")),
+                );
+                warm += usize::from(axis.warmth.is_some());
+                stopped += usize::from(axis.stopped_by_hardware);
                 let carriage = axis.transmission.as_ref().map(|it| &it.errors);
                 corrected += usize::from(axis.corrected.is_some());
                 fitting +=
@@ -838,7 +917,10 @@ mod tests {
             "{corrected} {fitting} {plays} {weights} {greased}"
         );
         assert!(methods > 10 && told > 10, "{methods} {told}");
-        assert!(squared > 30 && by_drive > 20, "{squared} {by_drive}");
+        assert!(
+            squared > 30 && by_drive > 20 && tied > 20 && warm > 30 && stopped > 3,
+            "{squared} {by_drive} {tied} {warm} {stopped}"
+        );
         assert!(
             wires > 300 && homed > 100 && switches > 50 && encoders > 50 && shapers > 20,
             "{wires} {homed} {switches} {encoders} {shapers}"

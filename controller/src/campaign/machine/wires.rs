@@ -145,6 +145,27 @@ impl IoSpec {
         }
     }
 
+    /// A digital output to which nothing is wired.
+    pub(super) fn spare_output(&self) -> Option<u8> {
+        let is_used = |place: u8| {
+            let signal = format!("DO{place}");
+            self.wires.iter().any(|wire| wire.signal == signal)
+        };
+        (0..16).find(|place| !is_used(*place))
+    }
+
+    /// Wires the enable chain to an output to spare.
+    pub(super) fn chain(&mut self) {
+        if let Some(place) = self.spare_output() {
+            self.wires.push(Wire {
+                table: "output".to_owned(),
+                place,
+                signal: format!("DO{place}"),
+                meaning: "function = \"enable_chain\"".to_owned(),
+            });
+        }
+    }
+
     /// Gives it analog inputs that change over time, with numbers of their own.
     pub(super) fn measure(&mut self, dice: &mut Dice, place: u8) {
         for signal in 0..2 {
