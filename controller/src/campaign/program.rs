@@ -515,15 +515,17 @@ impl Writer {
     /// Numbers for some of the axes, at least for one, as words and by axis.
     fn numbers(&mut self) -> (String, Vec<Option<f64>>) {
         let first = self.dice.below(self.axes.len());
-        let mut numbers = vec![None; self.axes.len()];
+        let mut numbers = Vec::with_capacity(self.axes.len());
         let mut words = String::new();
         for axis in 0..self.axes.len() {
+            let mut number = None;
             if axis == first || self.dice.chance(0.4) {
                 let [least, most] = self.axes[axis].soft_limits;
-                let number = rounded(self.dice.between(-1.5, 1.5) * (most - least), DECIMALS);
-                words += &format!(" {}{number}", self.axes[axis].letter);
-                numbers[axis] = Some(number);
+                let at = rounded(self.dice.between(-1.5, 1.5) * (most - least), DECIMALS);
+                words += &format!(" {}{at}", self.axes[axis].letter);
+                number = Some(at);
             }
+            numbers.push(number);
         }
         (words, numbers)
     }
@@ -602,13 +604,13 @@ impl Writer {
     fn go_shifted(&mut self, by: &[f64], all: bool) {
         let mut words = String::new();
         let first = self.dice.below(self.axes.len());
-        for axis in 0..self.axes.len() {
+        for (axis, by) in by.iter().enumerate() {
             if all || axis == first || self.dice.chance(0.3) {
                 let [least, most] = self.axes[axis].soft_limits;
                 let margin = 0.1 * LEAST_SPAN;
                 let to = self.target(axis).clamp(least + margin, most - margin);
-                let word = rounded(to - by[axis], DECIMALS);
-                self.at[axis] = word + by[axis];
+                let word = rounded(to - by, DECIMALS);
+                self.at[axis] = word + by;
                 words += &format!(" {}{word}", self.axes[axis].letter);
             }
         }
