@@ -90,7 +90,7 @@ impl Case {
         let seconds = dice.between(DURATION.0, DURATION.1);
         let patience = (dice.chance(0.9)).then(|| *dice.pick(&[1, 10, 60, 300]));
         let machine = MachineSpec::of(seed);
-        let dice = &mut Dice::new(seed, 34);
+        let dice = &mut Dice::new(seed, 41);
         let leave = match dice.chance(LEAVES) {
             // Two wake-ups a cycle.
             true => 2 * machine.cycles(dice.between(LEFT.0, LEFT.1)),

@@ -525,7 +525,7 @@ impl<'a> Scene<'a> {
                 axis, uncertainty, ..
             }) => {
                 self.referenced[*axis] = true;
-                self.homes_by_itself[*axis] = false;
+                (self.homes_by_itself[*axis], self.cut_off[*axis]) = (false, false);
                 let spec = &self.machine.axes[*axis];
                 let resolution = self.machine.drives[spec.drives[0]].scaling.resolution();
                 let learned = match spec.homing.method {
@@ -554,6 +554,9 @@ impl<'a> Scene<'a> {
                 control::Event::Unreferenced { axis, .. } | control::Event::Askew { axis, .. },
             ) => {
                 self.referenced[*axis] = false;
+                self.cut_off[*axis] |= self.homes_by_itself[*axis];
+            }
+            Event::Machine(control::Event::HomingFailed { axis, .. }) => {
                 self.cut_off[*axis] |= self.homes_by_itself[*axis];
             }
             Event::Machine(control::Event::Fault(fault)) => {

@@ -436,15 +436,19 @@ impl AxisSpec {
                 drive.model,
                 drive.zero
             );
+            let mut written = Vec::new();
             if self.homes_by_drive() {
-                let _ = writeln!(text, "sdo = [{ON_LIMIT_SWITCH}]");
+                written.push(ON_LIMIT_SWITCH.to_owned());
             }
             if drive.model == STEPPER {
-                let _ = writeln!(text, "sdo = [{STEPPER_SDO}]");
+                written.push(STEPPER_SDO.to_owned());
             }
             if let Some((Address { index, sub }, units)) = drive.ramp(models) {
                 let ramp = (self.acceleration / self.travel * units).ceil();
-                let _ = writeln!(text, "sdo = [[\"{index:04X}:{sub:X}\", {ramp}]]");
+                written.push(format!("[\"{index:04X}:{sub:X}\", {ramp}]"));
+            }
+            if !written.is_empty() {
+                let _ = writeln!(text, "sdo = [{}]", written.join(", "));
             }
             for wire in &drive.wires {
                 wire.write("drive", &name(side), text);

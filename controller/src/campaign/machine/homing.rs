@@ -19,6 +19,8 @@ const OFF_INDEX: (f64, f64) = (0.15, 0.55);
 
 /// Rounding to whole turns a minute is all that an LXM32M takes of a speed; the slowest over an edge, 1/min.
 const SLOWEST: f64 = 60.0;
+/// From there an LXM32M halts in a second, by its ramp as delivered (6084h), 1/min.
+const HALTS: f64 = 600.0;
 
 impl AxisSpec {
     /// How far the sides of a gantry may be apart, mm.
@@ -155,7 +157,8 @@ impl AxisSpec {
             _ => switch + away * self.travel * dice.between(-0.2, 2.5),
         };
         let fastest = 60.0 * self.velocity / self.travel;
-        let speed = (fastest * dice.between(0.1, 0.6)).floor().max(SLOWEST);
+        let speed = (fastest * dice.between(0.1, 0.6)).floor();
+        let speed = speed.clamp(SLOWEST, HALTS);
         let slow_speed = (speed * dice.between(0.1, 0.3)).floor().max(SLOWEST);
         let [speed, slow_speed] = [speed, slow_speed].map(|it| it * self.travel / 60.0);
         let (order, jogs) = (dice.whole(1..=2), digits(2.0 * self.travel));
