@@ -1,7 +1,9 @@
 //! Bursts that missed their SYNC, by bus: what is counted and what is a fault.
 //!
 //! While axes stand, drives may be asked by SDO beside SYNC, and on a full bus an answer may be in the way of a burst. That is
-//! no miss if the drives have it already: if each of its frames is, byte for byte, the one of the burst before.
+//! no miss if the drives have already what came late: if each frame that had not left by SYNC is, byte for byte, the one of the
+//! burst before. A burst leaves in its order, so these are its last ones; those before them may be others, as what the position loops
+//! of drives at rest are sent follows their encoders' noise.
 
 use super::fault::{BusCause, BusIndex, Fault};
 use std::collections::VecDeque;
@@ -27,8 +29,8 @@ pub(super) struct SetpointMisses {
     pub(super) answered: bool,
     /// The last burst, if no axis moved.
     last_burst: Vec<Frame>,
-    /// It was as the one before.
-    repeats: bool,
+    /// How many frames at its end are as those of the one before.
+    repeats: u32,
 }
 
 impl SetpointMisses {
@@ -41,7 +43,7 @@ impl SetpointMisses {
             unsent: 0,
             answered: false,
             last_burst: Vec::with_capacity(r_pdos),
-            repeats: false,
+            repeats: 0,
         }
     }
 
@@ -53,12 +55,13 @@ impl SetpointMisses {
 
     /// Keeps a burst, for whether the next one is another.
     pub(super) fn keep(&mut self, burst: &[Frame], is_moving: bool) {
-        self.repeats = !is_moving && self.last_burst == burst;
-        if !self.repeats {
-            self.forget_burst();
-            if !is_moving {
-                self.last_burst.extend_from_slice(burst);
-            }
+        let pairs = burst.iter().rev().zip(self.last_burst.iter().rev());
+        let alike = pairs.take_while(|(now, before)| now == before).count();
+        let is_comparable = !is_moving && burst.len() == self.last_burst.len();
+        self.repeats = if is_comparable { alike as u32 } else { 0 };
+        self.forget_burst();
+        if !is_moving {
+            self.last_burst.extend_from_slice(burst);
         }
     }
 
@@ -67,11 +70,11 @@ impl SetpointMisses {
         self.last_burst.clear();
     }
 
-    /// Whether the last burst missed its SYNC: it has not left by now, and it was not an answer in the way of what the drives
+    /// Whether the last burst missed its SYNC: not all of it has left by now, and it was not an answer in the way of what the drives
     /// have already.
     pub(super) fn has_missed(&mut self) -> bool {
         let (unsent, answered) = (take(&mut self.unsent), take(&mut self.answered));
-        let has_missed = unsent > 0 && !(answered && self.repeats);
+        let has_missed = unsent > 0 && !(answered && unsent <= self.repeats);
         if has_missed {
             self.forget_burst();
         }
@@ -138,6 +141,9 @@ mod tests {
         assert!(missed([1, 2], false, false, 1), "nothing was in its way");
         assert!(!missed([1, 2], false, false, 0));
         assert!(missed([1, 3], false, true, 2), "an output of it changes");
+        assert!(!missed([1, 3], false, false, 0));
+        assert!(!missed([2, 3], false, true, 1), "what changes has left");
+        assert!(missed([3, 3], false, true, 2), "and here it has not");
         assert!(!missed([1, 3], false, false, 0));
         assert!(missed([1, 3], true, true, 1), "in motion");
         assert!(!missed([1, 3], false, false, 0));

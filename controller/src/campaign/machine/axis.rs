@@ -406,7 +406,7 @@ impl AxisSpec {
     }
 
     /// Whether its drive homes by itself.
-    pub(super) fn homes_by_drive(&self) -> bool {
+    fn homes_by_drive(&self) -> bool {
         let homing = self.homing.as_deref().unwrap_or_default();
         homing.starts_with("kind = \"drive\"")
     }

@@ -604,9 +604,7 @@ impl MachineSpec {
             .io_nodes
             .iter()
             .position(|io| io.spare_output().is_some());
-        let may = asked && self.cycle_us >= LEAST_CYCLE;
-        let homes = self.axes.iter().any(AxisSpec::homes_by_drive);
-        let (Some(node), true) = (node, may && !homes) else {
+        let (Some(node), true) = (node, asked && self.cycle_us >= LEAST_CYCLE) else {
             return;
         };
         let mut stepped = self.clone();
@@ -635,10 +633,6 @@ impl MachineSpec {
 
     /// Has the drive of an axis be sent velocities, if there is one for this cycle.
     fn close_loop(&mut self, dice: &mut Dice, axis: usize) {
-        // What a position loop sends at rest makes an answer beside a homing drive a missed SYNC (`docs/reliability.md`).
-        if self.axes.iter().any(AxisSpec::homes_by_drive) {
-            return;
-        }
         let period = Duration::from_micros(self.cycle_us.into());
         let models = MODELS.iter().filter(|model| {
             let is_sent = model.is_sent(Setpoints::Velocities) && model.name != STEPPER;
