@@ -11,7 +11,8 @@
 //! *Where nobody knows the flank*, as the drives are enabled, which something may have moved since, or have gone by themselves, the carriage is
 //! taken to be in the middle: no axis jumps then, nothing is off by more than half of the backlash, and the first
 //! motion takes up that half. Where the middle is outside the soft limits, the carriage is taken to be as near to it as is inside: it came to
-//! its limit on the flank that pushed it there.
+//! its limit on the flank that pushed it there. If something has pushed it over since, it is off by up to the whole backlash until its
+//! first motion, and an axis that stands outside by less than that is not told from one that does not.
 //!
 //! *Steps and not time* count, as for the plan. What no SYNC latches is no step of an axis that waits, so a stop, a
 //! fault or lost cycles leave the correction where it is.
