@@ -168,11 +168,10 @@ impl Reader {
         let line = line.trim();
         let behind = self.waiting.iter().any(|waiting| waiting == WAIT);
         match line {
-            "stop" | "feed_hold" => {
-                if line == "stop" {
-                    let dropped = self.waiting.drain(..).filter(|waiting| waiting != WAIT);
-                    dropped.for_each(|line| println!("not done, as a stop came before it: {line}"));
-                }
+            "feed_hold" => return self.obey(line),
+            "stop" | "disable" | "switch_off" => {
+                let dropped = self.waiting.drain(..).filter(|waiting| waiting != WAIT);
+                dropped.for_each(|it| println!("not done, as `{line}` came before it: {it}"));
                 return self.obey(line);
             }
             _ if behind || line == WAIT || parsed(line).is_ok_and(|it| begins(&it)) => {
