@@ -44,6 +44,33 @@ pub struct Emergency {
 }
 
 impl Emergency {
+    /// What its code is about: by CiA 301's classes, and those codes that CiA 402 and CiA 301 give drives; `None` where that is the
+    /// maker's affair.
+    #[must_use]
+    pub fn meaning(&self) -> Option<&'static str> {
+        Some(match self.code {
+            code::LIFE_GUARD_OR_HEARTBEAT => "life guarding or heartbeat",
+            code::FOLLOWING_ERROR => "following error, by the drive's own limit",
+            0x8612 => "reference limit",
+            0x7121 => "motor blocked",
+            code => match code >> 8 {
+                0x20..=0x23 => "current",
+                0x30 | 0x32 | 0x33 => "voltage",
+                0x31 => "mains voltage",
+                0x40..=0x43 => "temperature",
+                0x50..=0x5F => "hardware",
+                0x60..=0x63 => "software or its data",
+                0x71 => "brake or motor",
+                0x73 => "sensor",
+                0x81 => "communication",
+                0x82 => "protocol",
+                0x86 => "position control",
+                0x90 => "external error",
+                _ => return None,
+            },
+        })
+    }
+
     /// The message on the wire.
     #[must_use]
     pub fn encode(self, cob_id: CobId) -> Frame {

@@ -121,3 +121,30 @@ fn printed_values() {
         [0x1F, 0, 0xFE, 0xFF, 0xFF, 0xFF]
     );
 }
+
+/// What an error code is about, as CiA 301 and CiA 402 have it; a maker's own is nobody else's to explain.
+#[test]
+fn an_emergency_tells_what_its_code_is_about() {
+    let meaning = |code| {
+        Emergency {
+            code,
+            ..Emergency::default()
+        }
+        .meaning()
+    };
+    for (code, told) in [
+        (0x2310, "current"),
+        (0x3130, "mains voltage"),
+        (0x3210, "voltage"),
+        (0x4310, "temperature"),
+        (0x7305, "sensor"),
+        (0x8130, "life guarding or heartbeat"),
+        (0x8120, "communication"),
+        (0x8611, "following error, by the drive's own limit"),
+    ] {
+        assert_eq!(meaning(code), Some(told), "{code:04X}h");
+    }
+    for code in [0x0000, 0x1000, 0xFF01, 0xF001] {
+        assert_eq!(meaning(code), None, "{code:04X}h");
+    }
+}

@@ -594,11 +594,15 @@ impl Fault {
     #[must_use]
     pub fn describe(&self, names: &impl Names) -> String {
         match *self {
-            Self::Device(device, cause @ DeviceCause::Emergency { emergency }) => format!(
-                "{}: {cause}{}: clear its cause",
-                names.subject(device),
-                names.vendor_part(device, &emergency)
-            ),
+            Self::Device(device, cause @ DeviceCause::Emergency { emergency }) => {
+                let meaning = emergency.meaning().map(|it| format!(", {it}"));
+                format!(
+                    "{}: {cause}{}{}: clear its cause",
+                    names.subject(device),
+                    meaning.unwrap_or_default(),
+                    names.vendor_part(device, &emergency)
+                )
+            }
             Self::Device(device, cause) => format!("{}: {cause}", names.subject(device)),
             Self::Axis(axis, cause @ AxisCause::SetpointGuard { drive, .. }) => {
                 format!("{}, {}", names.who(drive), cause.describe(names.axis(axis)))

@@ -135,7 +135,7 @@ texts! {
     Fault::Device(2, DeviceCause::Emergency {
         emergency: Emergency { code: 0x3130, register: 5, vendor: [0, 0, 0, 0x05, 0xA3] },
     }),
-    "node 3 (Y, LXM32M): EMCY 3130h, error register 05h, vendor error A305h: clear its cause";
+    "node 3 (Y, LXM32M): EMCY 3130h, error register 05h, mains voltage, vendor error A305h: clear its cause";
 
     Fault::Device(_, DeviceCause::Reported { .. }),
     Fault::Device(2, DeviceCause::Reported { word: SWITCHED_ON }),
