@@ -79,7 +79,10 @@ impl<const N: usize> Controller<N> {
                 continue;
             };
             let there = self.executor.jogged_to(at);
-            if there == Some(end) {
+            // One that stood there is not jogged at all.
+            let here = self.executor.setpoint().position[at];
+            let stood = (here - end).abs() <= self.layout.axes[axis].limits.standstill;
+            if there == Some(end) || (stood && !self.executor.is_jogged()) {
                 let referenced = self.axes[axis].is_referenced();
                 self.tell(Event::TravelEnds {
                     axis,

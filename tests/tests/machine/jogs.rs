@@ -256,6 +256,14 @@ proptest! {
         }
         let text = expected.describe(&*rig.layout).unwrap_or_default();
         prop_assert!(text.contains("stops at its soft limit"), "{}", text);
+        if there == end {
+            // Also where it stands there already.
+            rig.events.clear();
+            rig.command(Command::Jog(jog));
+            wait(&mut rig, 500);
+            let told: Vec<_> = rig.events.iter().filter(|it| matches!(it, Event::TravelEnds { .. })).collect();
+            prop_assert_eq!(told, [&expected]);
+        }
     }
 }
 
