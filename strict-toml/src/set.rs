@@ -66,7 +66,17 @@ pub fn set(source: &str, setting: &str) -> Result<String, SetError> {
         way.header = found_key.span();
         way.tables.push(&key.1);
         table = match (found.get_ref(), rest) {
-            (_, []) => return Ok(replaced(source, found.span(), value)),
+            (found_there, []) => {
+                let is_in_braces = source
+                    .get(found.span())
+                    .is_some_and(|it| it.starts_with('{'));
+                let is_table = found_there.as_table().is_some() && !is_in_braces;
+                // Its keys stand in lines of their own.
+                if is_table || is_in_header(source, found_key.span().start) {
+                    return Err(SetError::Table(setting.to_owned()));
+                }
+                return Ok(replaced(source, found.span(), value));
+            }
             (DeValue::Table(table), _) => table,
             (DeValue::Array(items), [name, rest @ ..]) => {
                 path = rest;
@@ -288,6 +298,16 @@ mod tests {
         ] {
             let error = set(TEXT, setting).unwrap_err().to_string();
             assert!(error.contains(why), "{setting}: {error}");
+        }
+        // Tables whose keys stand in lines of their own.
+        for text in [
+            "[axis]\nX.max = 1\n[axis.X.simulation]\nload = 2\n",
+            "[[axis]]\nname = \"X\"\nsimulation.load = 2\n",
+            "[[axis]]\nname = \"X\"\n[axis.simulation]\nload = 2\n",
+            "[[axis]]\nname = \"X\"\n[[axis.simulation]]\nload = 2\n",
+        ] {
+            let error = set(text, "axis.X.simulation={ load = 3 }").unwrap_err();
+            assert!(matches!(error, SetError::Table(_)), "{text}: {error}");
         }
         assert!(
             set("no toml", "a=1")
