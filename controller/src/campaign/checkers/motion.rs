@@ -77,8 +77,8 @@ impl Motion {
         let plant = &scene.plants[drive];
         let rests = latched.is_some() && scene.since(*since) > SETTLES;
         // Each side of a beam answers the other one's noise, too.
-        let axis = scene.machine.drives[drive].axis;
-        let is_tied = scene.machine.axes[axis].drives.len() > 1;
+        let axis = &scene.machine.axes[scene.machine.drives[drive].axis];
+        let is_tied = (axis.simulation.as_ref()).is_some_and(|it| it.gantry.is_some());
         let at_rest = if is_tied { 2.0 * AT_REST } else { AT_REST };
         if rests && !scene.is_disturbed(DISTURBED) && plant.velocity.abs() > at_rest {
             found.violate(NAME, scene, "moves although its setpoint rests", || {
@@ -112,6 +112,7 @@ impl Motion {
     fn follows(&mut self, scene: &Scene<'_>, drive: usize, found: &mut Found) {
         let it = &scene.drives[drive];
         let (Some(latched), Some(actual)) = (it.latched, scene.actual(drive)) else {
+            self.far[drive] = None;
             return;
         };
         let axis = &scene.machine.axes[scene.machine.drives[drive].axis];
