@@ -42,6 +42,15 @@ pub(crate) enum Label {
     Computed(Value),
 }
 
+impl Label {
+    pub(crate) fn computed(&self) -> Option<&Value> {
+        match self {
+            Label::Computed(value) => Some(value),
+            Label::Number(_) | Label::Name(_) => None,
+        }
+    }
+}
+
 /// What an O-word says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Statement {

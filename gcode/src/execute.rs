@@ -9,15 +9,15 @@ use std::collections::VecDeque;
 use super::Setup;
 use super::arc::Plane;
 use super::axes::{AxisLetter, AxisSet, Point};
-use super::block::{Block, Target, Word};
+use super::block::{Block, Setting, Target, Word};
 use super::command::{Action, PathMode, Stop};
 use super::compensation::Cutter;
 use super::cycles::Series;
 use super::error::{Fault, Refusal};
 use super::expression::{Scope, Value};
 use super::lexer::Columns;
+use super::lost::{Lost, Things};
 use super::messages::message;
-use super::mistakes::Lost;
 use super::modal::{Code, FeedMode, Group, Modes, ProgrammedFeed};
 use super::names::is_signal;
 use super::parameters::{self, INPUT_RESULT, InputResult, Parameters};
@@ -61,6 +61,79 @@ pub(crate) enum Compensated {
     Leaving,
 }
 
+/// How far the execution of a block has come.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Come {
+    #[default]
+    Nowhere,
+    /// Parameters are set.
+    ToSettings,
+    /// To this one of the [`STAGES`].
+    ToStage(usize),
+    /// It is known where it leads.
+    BehindMotion,
+}
+
+/// What a block does at once.
+type Stage = fn(&mut State, &Block, &mut Words, &mut VecDeque<Action>) -> Result<(), Refusal>;
+
+/// What blocks do, in this order, each with what is not known if it is refused.
+pub(crate) const STAGES: [(Stage, Things); 14] = [
+    (
+        |it, _, words, _| it.end_compensation_by(words),
+        Things::NONE,
+    ),
+    (|it, _, words, _| it.only_nurbs(words), Things::NURBS),
+    (
+        |it, _, words, _| it.feeds(words),
+        Things::FEED.and(Things::FEED_MODE).and(Things::UNITS),
+    ),
+    (
+        |it, _, words, commands| it.tools(words, commands),
+        Things::SELECTED.and(Things::TOOL),
+    ),
+    (
+        |it, _, words, commands| it.spindle(words, commands),
+        Things::SPINDLE,
+    ),
+    (
+        |it, _, words, commands| it.coolant(words, commands),
+        Things::NONE,
+    ),
+    (
+        |it, _, words, commands| it.save_or_restore(words, commands),
+        Things::MODES.and(Things::SAVED),
+    ),
+    (
+        |it, _, words, commands| it.switches(words, commands),
+        Things::NONE,
+    ),
+    (
+        |it, _, words, commands| it.dwell(words, commands),
+        Things::NONE,
+    ),
+    (
+        |it, _, words, commands| it.set_modes(words, commands),
+        Things::PLANE
+            .and(Things::TOOL_LENGTH)
+            .and(Things::WORK_OFFSET)
+            .and(Things::DISTANCE)
+            .and(Things::ARC_DISTANCE)
+            .and(Things::CYCLE_RETURN)
+            .and(Things::COMPENSATION),
+    ),
+    (|it, _, words, _| it.turned_axes(words), Things::NONE),
+    (
+        |it, _, words, commands| it.offsets(words, commands),
+        Things::SHIFT.and(Things::TABLE).and(Things::REFERENCES),
+    ),
+    (
+        |it, block, _, commands| it.follow_centre(block, commands),
+        Things::SURFACE,
+    ),
+    (State::motion, Things::NONE),
+];
+
 /// What executing a program knows between two blocks.
 pub(crate) struct State {
     pub(crate) setup: Setup,
@@ -71,8 +144,10 @@ pub(crate) struct State {
     pub(crate) sent: AxisSet,
     /// What is not known behind a block that was refused.
     pub(crate) lost: Lost,
-    /// Whether it is known where the block leads that was read last.
-    pub(crate) target_is_known: bool,
+    /// How far [`execute`](Self::execute) has come with the block that was read last.
+    pub(crate) come: Come,
+    /// Its code that ends the program, or goes elsewhere.
+    pub(crate) stopping: Option<Code>,
     /// What G43 and G43.1 added.
     pub(crate) tool_offset: Point,
     /// Whether the shift of G92 and G52 is in effect.
@@ -109,7 +184,8 @@ impl State {
             at: setup.start,
             sent: AxisSet::NONE,
             lost: Lost::default(),
-            target_is_known: false,
+            come: Come::default(),
+            stopping: None,
             modes: setup.memory.modes.clone(),
             tool_offset: setup.memory.tool_offset,
             g92_applies: setup.memory.g92_applies,
@@ -131,6 +207,12 @@ impl State {
         }
     }
 
+    /// Another block is read.
+    pub(crate) fn begin_block(&mut self) {
+        (self.come, self.stopping) = (Come::default(), None);
+        self.lost.begin_block();
+    }
+
     /// Executes the words and parameter settings of a block.
     pub(crate) fn execute(
         &mut self,
@@ -138,29 +220,22 @@ impl State {
         commands: &mut VecDeque<Action>,
     ) -> Result<Continuation, Refusal> {
         let mut words = self.evaluate(block)?;
+        self.stopping = words.code(Group::Stopping);
+        self.know(block, &words);
         self.messages(block, &words, commands);
-        self.end_compensation_by(&words)?;
-        self.only_nurbs(&words)?;
-        self.feeds(&mut words)?;
-        self.tools(&mut words, commands)?;
-        self.spindle(&mut words, commands)?;
-        self.coolant(&words, commands)?;
-        self.save_or_restore(&words, commands)?;
-        self.switches(&mut words, commands)?;
-        self.dwell(&mut words, commands)?;
-        self.set_modes(&mut words, commands)?;
-        self.turned_axes(&words)?;
-        self.offsets(&mut words, commands)?;
-        self.follow_centre(block, commands)?;
-        self.motion(block, &mut words, commands)?;
+        for (index, (stage, _)) in STAGES.iter().enumerate() {
+            self.come = Come::ToStage(index);
+            stage(self, block, &mut words, commands)?;
+        }
+        self.come = Come::BehindMotion;
         let continuation = self.stop(&mut words, commands)?;
         words.all_used()?;
         self.set_places();
         Ok(continuation)
     }
 
-    /// What is wrong with the words of a block whatever came before it; whether they end the program.
-    pub(crate) fn judge(&self, block: &Block) -> Result<bool, Refusal> {
+    /// What is wrong with the words of a block whatever came before it; their code that ends the program or goes elsewhere.
+    pub(crate) fn judge(&self, block: &Block) -> Result<Option<Code>, Refusal> {
         let mut words = Words::default();
         for word in &block.words {
             self.has_axis_of(word)?;
@@ -171,7 +246,7 @@ impl State {
                 words.add(word.letter, value.unwrap_or_default(), word.columns)?;
             }
         }
-        Ok(matches!(words.code(Group::Stopping), Some(Code::M(2 | 30))))
+        Ok(words.code(Group::Stopping))
     }
 
     /// Refuses the word of an axis that the machine does not have.
@@ -185,7 +260,7 @@ impl State {
         }
     }
 
-    /// Evaluates every word and setting with the parameters as they were before the block.
+    /// Evaluates every word and setting with the parameters as they were before the block, and sets.
     fn evaluate(&mut self, block: &Block) -> Result<Words, Refusal> {
         let mut stack = std::mem::take(&mut self.stack);
         let mut words = Words::default();
@@ -205,16 +280,47 @@ impl State {
             };
             settings.push((index, value));
         }
+        self.come = Come::ToSettings;
+        let mut done = Ok(());
         for (setting, (index, value)) in block.settings.iter().zip(&settings) {
-            match &setting.target {
-                Target::Named(name) => self.set_named(block.name(name), *value),
-                Target::Numbered(_) => self.set_numbered(*index, *value),
-            }
-            .map_err(|fault| Refusal::new(setting.columns, fault))?;
+            let set = self.set(block, setting, *index, *value);
+            done = done.and(set);
         }
         self.settings = settings;
+        done?;
         self.stack = stack;
         Ok(words)
+    }
+
+    fn set(
+        &mut self,
+        block: &Block,
+        setting: &Setting,
+        index: f64,
+        value: f64,
+    ) -> Result<(), Refusal> {
+        let set = match &setting.target {
+            Target::Named(name) => self.set_named(block.name(name), value),
+            Target::Numbered(_) => self.set_numbered(index, value),
+        };
+        set.map_err(|fault| Refusal::new(setting.columns, fault))
+    }
+
+    /// Sets a parameter of a block that was refused; `false` if it is not known to what.
+    pub(crate) fn set_what_can_be(&mut self, block: &Block, setting: &Setting) -> bool {
+        let stack = &mut Vec::new();
+        let index = match &setting.target {
+            Target::Numbered(index) if self.is_lost(block, index) => return false,
+            Target::Numbered(index) => block.evaluate(index, self, stack),
+            Target::Named(_) => Ok(0.0),
+        };
+        match (index, block.evaluate(&setting.value, self, stack)) {
+            (Ok(index), Ok(value)) => {
+                let _ = self.set(block, setting, index, value);
+                true
+            }
+            _ => false,
+        }
     }
 
     /// What the block's comments tell the operator, before it does anything.
@@ -257,7 +363,6 @@ impl State {
             let allowed = "0, or a feed from 0.001";
             return Err(words.refuse(b'F', out_of_range('F', number, allowed)));
         }
-        self.lost.feed = false;
         if self.modes.feed_mode != FeedMode::InverseTime {
             self.modes.feed = Some(ProgrammedFeed {
                 number: number.min(GREATEST_FEED),
@@ -335,7 +440,6 @@ impl State {
         }
         if let Some(code) = words.code(Group::Distance) {
             self.modes.incremental = code == Code::G(910);
-            self.lost.distance = false;
         }
         if let Some(code) = words.code(Group::ArcDistance) {
             self.modes.absolute_centers = code == Code::G(901);

@@ -12,6 +12,9 @@ use super::parameters::INPUT_RESULT;
 /// How far apart two numbers may be and still be `EQ`, as in LinuxCNC.
 const EQUAL: f64 = 1e-4;
 
+/// The last parameter that is the program's own; those behind it show the machine's state.
+const LAST_OWN: f64 = 5000.0;
+
 /// A value of a block: the steps that compute it.
 #[derive(Clone, Debug)]
 pub(crate) struct Value {
@@ -216,6 +219,24 @@ impl Block {
             use Operation::{Exists, Named, Numbered};
             matches!(step.operation, Numbered | Named(_) | Exists(_))
         })
+    }
+
+    /// Whether a value of the block hangs on what the machine and its modes are: parameters that show these, or that are looked up.
+    pub(crate) fn reads_state(&self, value: &Value) -> bool {
+        let steps = &self.steps[value.steps.clone()];
+        steps
+            .iter()
+            .enumerate()
+            .any(|(at, step)| match &step.operation {
+                Operation::Named(name) | Operation::Exists(name) => {
+                    self.name(name).starts_with('_')
+                }
+                Operation::Numbered => {
+                    let before = at.checked_sub(1).map(|at| &steps[at].operation);
+                    !matches!(before, Some(Operation::Number(number)) if *number <= LAST_OWN)
+                }
+                _ => false,
+            })
     }
 
     /// Evaluates one of the block's values; `stack` is working memory.

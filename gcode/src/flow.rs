@@ -105,7 +105,18 @@ impl Interpreter {
         }
     }
 
-    fn go_to(&mut self, at: At) -> Result<(), Refusal> {
+    /// Whether a subroutine or subprogram is being executed.
+    pub(super) fn is_called(&self) -> bool {
+        !self.control.calls.is_empty()
+    }
+
+    /// Where the main program goes on behind what it has called: nothing is called any more.
+    pub(super) fn first_caller(&mut self) -> Option<At> {
+        let calls = std::mem::take(&mut self.control.calls);
+        calls.first().map(|call| call.return_to)
+    }
+
+    pub(super) fn go_to(&mut self, at: At) -> Result<(), Refusal> {
         self.current = at.file;
         self.files[at.file]
             .lines
@@ -259,6 +270,7 @@ impl Interpreter {
                 Some(Statement::ElseIf) if self.wants_signals() => {
                     return self.read_signals(Deferred::Branch { label, columns });
                 }
+                Some(Statement::ElseIf) if self.loses_the_way() => return Ok(()),
                 Some(Statement::ElseIf) => self.condition()?,
                 Some(Statement::Else) => true,
                 _ => return Ok(()),
@@ -294,7 +306,16 @@ impl Interpreter {
         let file = self.current;
         // Behind what is refused here the program does not go on.
         self.reads_over = true;
-        while self.read_block()? && !self.block.percent {
+        loop {
+            match self.read_block() {
+                Ok(true) if !self.block.percent => {}
+                Ok(_) => break,
+                Err(refusal) if refusal.fault.is_misspelling() && !is_flow(&self.block.text) => {
+                    self.note(refusal);
+                    continue;
+                }
+                Err(refusal) => return Err(refusal),
+            }
             let Some(flow) = self.flow_of_block() else {
                 continue;
             };
@@ -306,7 +327,8 @@ impl Interpreter {
                 return Ok(());
             }
         }
-        // The fault is the opening statement's.
+        // The fault is the opening statement's; behind it each block is judged.
+        self.noted.clear();
         (self.line, self.current) = (line, file);
         self.block.parse(&text)?;
         let label = label.to_owned();
@@ -569,6 +591,11 @@ impl Interpreter {
             Some(CallKind::Subprogram { .. }) => self.return_to_caller(None, columns),
             Some(CallKind::Subroutine { .. }) => {
                 Err(Refusal::new(columns, Fault::SubprogramEndInSub))
+            }
+            None if self.mistaken => {
+                // What is wrong is told.
+                self.ended = true;
+                Ok(())
             }
             None => {
                 self.control.constructs.clear();

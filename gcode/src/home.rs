@@ -58,6 +58,7 @@ impl State {
         for axis in axes.iter() {
             if let Some(at) = self.setup.homed[axis.index()].and_then(|homed| homed.at) {
                 self.at[axis] = at;
+                self.lost.axes.remove(axis);
             }
         }
         self.end_series();

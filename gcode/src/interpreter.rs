@@ -51,6 +51,10 @@ pub struct Interpreter {
     pub(super) left: Option<Compensation>,
     /// A block of a compensated contour was refused: nothing is known of the contour up to its G40.
     pub(super) contour_lost: bool,
+    /// A block was refused, and what comes is not run.
+    pub(super) mistaken: bool,
+    /// What is wrong with blocks that were read over: it is told before the next is executed.
+    pub(super) noted: VecDeque<Refusal>,
     /// Blocks are read that are not executed, up to the end of a branch, a loop or a subroutine.
     pub(super) reads_over: bool,
     /// A block was refused, behind which it is not known what comes next: the rest of its file is read and not executed.
@@ -164,6 +168,8 @@ impl Interpreter {
             compensation: None,
             left: None,
             contour_lost: false,
+            mistaken: false,
+            noted: VecDeque::new(),
             reads_over: false,
             only_read: false,
             pending: VecDeque::new(),
@@ -500,6 +506,9 @@ impl Interpreter {
 
     /// Reads and executes one block.
     fn step(&mut self) -> Result<(), Refusal> {
+        if let Some(refusal) = self.noted.pop_front() {
+            return Err(refusal);
+        }
         if self.only_read {
             return self.judge_block();
         }
@@ -531,7 +540,7 @@ impl Interpreter {
     pub(super) fn read_block(&mut self) -> Result<bool, Refusal> {
         let lines = &mut self.files[self.current].lines;
         self.line = lines.place().line;
-        self.state.target_is_known = false;
+        self.state.begin_block();
         let read = lines.read(&mut self.bytes);
         if !matches!(read, Ok(Read1::Line)) {
             self.block.parse("")?;
@@ -619,7 +628,12 @@ impl Interpreter {
                 number,
                 repeats,
                 columns,
-            } => self.call_subprogram(number, repeats, columns)?,
+            } => {
+                self.only_read = self.calls_what_is_lost();
+                if !self.only_read {
+                    self.call_subprogram(number, repeats, columns)?;
+                }
+            }
             Continuation::EndSubprogram { columns } => self.end_subprogram(columns)?,
         }
         Ok(())
@@ -630,6 +644,10 @@ impl Interpreter {
         self.asked += self.actions.len() as u64;
         let cutter = self.state.cutter();
         self.contour_lost &= cutter.is_some();
+        if self.state.lost.loses_contours() {
+            self.contour_lost = cutter.is_some();
+            (self.compensation, self.left) = (None, None);
+        }
         let cutter = cutter.filter(|_| !self.contour_lost);
         let judge = |from: &Point, action: &Action| self.state.within_limits(from, action);
         if let Some(compensation) = &mut self.compensation
@@ -671,6 +689,16 @@ impl Interpreter {
     pub(super) fn leave_call(&mut self, columns: Columns) -> Result<(), Refusal> {
         self.state.leave_call(columns, &mut self.actions)?;
         self.settle(self.span())
+    }
+
+    /// Notes what is wrong with the block that is read over.
+    pub(super) fn note(&mut self, refusal: Refusal) {
+        let text = self.block.text.as_str().into();
+        let span = self.span();
+        self.noted.push_back(Refusal {
+            origin: Some(Box::new(Origin { span, text })),
+            ..refusal
+        });
     }
 
     fn span(&self) -> Span {
@@ -733,8 +761,12 @@ impl Iterator for Interpreter {
         }
         while let Err(refusal) = self.advance() {
             let error = self.error(refusal);
-            if !(self.follows(&error) && self.go_on(&error)) {
+            if !self.follows(&error) {
                 return Some(Err(error));
+            }
+            // It may be none.
+            if !self.go_on(&error) {
+                return None;
             }
         }
         let command = self.pending.pop_front()?;

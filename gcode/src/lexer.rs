@@ -47,6 +47,8 @@ pub(crate) enum Kind {
     Hash,
     Equals,
     Percent,
+    /// What is no token, where what can be read is looked for.
+    Bad,
     /// The end of the line.
     End,
 }
@@ -72,6 +74,19 @@ pub(crate) struct Tokens {
 impl Tokens {
     /// Replaces the tokens by those of `line`.
     pub(crate) fn read(&mut self, line: &str) -> Result<(), Refusal> {
+        self.read_or(line, Err)
+    }
+
+    /// As [`read`](Self::read); what is no token is [`Kind::Bad`], and a comment without an end one to the line's.
+    pub(crate) fn read_what_can_be(&mut self, line: &str) {
+        let _ = self.read_or(line, |_| Ok(()));
+    }
+
+    fn read_or(
+        &mut self,
+        line: &str,
+        bad: impl Fn(Refusal) -> Result<(), Refusal>,
+    ) -> Result<(), Refusal> {
         self.list.clear();
         self.names.clear();
         self.comments.clear();
@@ -87,53 +102,73 @@ impl Tokens {
                 self.push(Kind::End, start, start + 1);
                 return Ok(());
             };
-            let kind = match character {
-                'a'..='z' | 'A'..='Z' | '@' | '^' => {
-                    Kind::Letter(character.to_ascii_uppercase() as u8)
-                }
-                '0'..='9' | '.' => self.number(character, &mut cursor)?,
-                '<' => self.name(start, &mut cursor)?,
-                '(' => {
-                    let from = cursor.offset;
-                    let comment = comment(start, &mut cursor)?;
-                    self.comments.push(from..cursor.offset - 1);
-                    comment
-                }
-                ';' => {
-                    self.comments.push(cursor.offset..line.len());
-                    while cursor.next().is_some() {}
-                    Kind::Comment
-                }
-                '*' => {
-                    let after_star = cursor.clone();
-                    cursor.skip_blanks();
-                    if cursor.next() == Some('*') {
-                        Kind::Power
-                    } else {
-                        cursor = after_star;
-                        Kind::Star
+            let kind = match self.token(character, start, &mut cursor) {
+                Ok(kind) => kind,
+                Err(refusal) => {
+                    bad(refusal)?;
+                    match character {
+                        '(' => {
+                            while cursor.next().is_some_and(|it| it != ')') {}
+                            Kind::Comment
+                        }
+                        _ => Kind::Bad,
                     }
-                }
-                '+' => Kind::Plus,
-                '-' => Kind::Minus,
-                '/' => Kind::Slash,
-                '[' => Kind::Open,
-                ']' => Kind::Close,
-                '#' => Kind::Hash,
-                '=' => Kind::Equals,
-                '%' => Kind::Percent,
-                other => {
-                    // Without a number before it: `X,5`.
-                    let decimals = (other == ',').then(|| cursor.decimals()).flatten();
-                    let fault = match decimals {
-                        Some(decimals) => comma("0", &decimals),
-                        None => Fault::Character(other),
-                    };
-                    return Err(Refusal::new(cursor.since(start), fault));
                 }
             };
             self.push(kind, start, cursor.column);
         }
+    }
+
+    /// The token that begins with a character, behind which the cursor is.
+    fn token(
+        &mut self,
+        character: char,
+        start: u32,
+        cursor: &mut Cursor<'_>,
+    ) -> Result<Kind, Refusal> {
+        Ok(match character {
+            'a'..='z' | 'A'..='Z' | '@' | '^' => Kind::Letter(character.to_ascii_uppercase() as u8),
+            '0'..='9' | '.' => self.number(character, cursor)?,
+            '<' => self.name(start, cursor)?,
+            '(' => {
+                let from = cursor.offset;
+                let comment = comment(start, cursor)?;
+                self.comments.push(from..cursor.offset - 1);
+                comment
+            }
+            ';' => {
+                self.comments.push(cursor.offset..cursor.line.len());
+                while cursor.next().is_some() {}
+                Kind::Comment
+            }
+            '*' => {
+                let after_star = cursor.clone();
+                cursor.skip_blanks();
+                if cursor.next() == Some('*') {
+                    Kind::Power
+                } else {
+                    *cursor = after_star;
+                    Kind::Star
+                }
+            }
+            '+' => Kind::Plus,
+            '-' => Kind::Minus,
+            '/' => Kind::Slash,
+            '[' => Kind::Open,
+            ']' => Kind::Close,
+            '#' => Kind::Hash,
+            '=' => Kind::Equals,
+            '%' => Kind::Percent,
+            other => {
+                // Without a number before it: `X,5`.
+                let decimals = (other == ',').then(|| cursor.decimals()).flatten();
+                let fault = match decimals {
+                    Some(decimals) => comma("0", &decimals),
+                    None => Fault::Character(other),
+                };
+                return Err(Refusal::new(cursor.since(start), fault));
+            }
+        })
     }
 
     fn push(&mut self, kind: Kind, start: u32, end: u32) {

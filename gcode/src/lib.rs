@@ -9,7 +9,7 @@
 //! modal groups (`words`, `modal`) and executed (`execute`, `saved`, `switches`, `offsets`, `coordinates`,
 //! `home`, `motion`, `arc`, `spline`, `rational`, `cycles`); O-words lead on to other blocks (`flow`). Under G41 and G42 the contour becomes the way
 //! of the tool's centre (`compensation`). Where a program begins in the middle, outputs are what its first
-//! part makes of them (`outputs`, `entry`); behind a mistake the others are looked for (`mistakes`). [`Interpreter`] hands out the
+//! part makes of them (`outputs`, `entry`); behind a mistake the others are looked for (`mistakes`, `lost`). [`Interpreter`] hands out the
 //! [`Command`]s that come of it, one block at a time. What a program may not do is refused with an
 //! [`Error`] that shows the place, the block, what is wrong and what to do.
 #![forbid(unsafe_code)]
@@ -29,6 +29,7 @@ mod flow;
 mod home;
 mod interpreter;
 mod lexer;
+mod lost;
 mod memory;
 mod messages;
 mod mistakes;

@@ -2,54 +2,26 @@
 //!
 //! Whoever checks a program wants all of its mistakes, and none that is no mistake. So the interpreter goes on behind a block that was
 //! refused as if that had done what can be read of it: what is wrong is left out, and the modes, the feed, the offsets and the
-//! motion of the rest take effect. What cannot be read is [`Lost`], and with it whatever is refused because of it: nothing is said of
-//! an arc from a place that is not known. Nor of the contour of a cutter compensation, nor of the order of blocks behind a
+//! motion of the rest take effect. What cannot be read is [lost](super::lost), and with it whatever is refused because of it: nothing
+//! is said of an arc from a place that is not known. Nor of the contour of a cutter compensation, nor of the order of blocks behind a
 //! broken branch, where each is judged by itself.
 
 use std::collections::VecDeque;
 use std::io;
 
-use super::axes::{AxisLetter, AxisSet};
-use super::block::Block;
+use super::axes::AxisLetter;
+use super::block::{Block, Statement, Target};
 use super::error::{Error, Fault, Refusal};
-use super::execute::State;
+use super::execute::{Come, Compensated, STAGES, State};
+use super::expression::Value;
 use super::flow::is_flow;
 use super::interpreter::Interpreter;
-use super::lexer::Columns;
-use super::modal::{Group, Motion};
+use super::lexer::Kind;
+use super::lost::Things;
+use super::modal::{Code, Group};
+use super::parser::Unread;
 use super::source::{Place, Read1};
 use super::words::Words;
-
-/// So many parts of a block are left out to read the others.
-const MOST_PARTS: usize = 8;
-
-/// What is not known behind blocks that were refused.
-#[derive(Debug, Default)]
-pub(crate) struct Lost {
-    /// Where these axes are.
-    pub(crate) axes: AxisSet,
-    /// Where the last motion began, or where it led.
-    pub(crate) ends: bool,
-    /// The feed.
-    pub(crate) feed: bool,
-    /// Whether positions are absolute.
-    pub(crate) distance: bool,
-    /// Which motion goes on.
-    pub(crate) motion: bool,
-    /// Where the program has its zero.
-    pub(crate) offsets: bool,
-    /// How the spindle turns.
-    pub(crate) spindle: bool,
-    /// What parameters are.
-    pub(crate) parameters: bool,
-}
-
-impl Lost {
-    /// Whether it is not known which places words of axes mean.
-    pub(crate) fn is_meant_otherwise(&self) -> bool {
-        self.distance || self.offsets
-    }
-}
 
 impl Interpreter {
     /// After an error goes on behind its block, to find the program's other mistakes; what comes is
@@ -59,22 +31,38 @@ impl Interpreter {
         if error.fault.ends_reading() {
             return false;
         }
-        let flow_lost = self.reads_over || error.fault.loses_the_flow() || is_flow(&error.block);
-        if flow_lost && !self.only_read {
-            if self.go_behind(error).is_err() {
-                return false;
-            }
-            self.only_read = true;
-        }
-        if !self.only_read && error.line == self.line && error.block == self.block.text {
-            self.salvage(&error.fault);
+        self.mistaken = true;
+        self.actions.clear();
+        self.ended = false;
+        if !self.only_read {
+            self.go_on_executing(error);
         }
         self.actions.clear();
         (self.compensation, self.left) = (None, None);
         self.contour_lost = self.state.cutter().is_some();
         self.settled_at = self.state.at;
-        self.ended = false;
         true
+    }
+
+    fn go_on_executing(&mut self, error: &Error) {
+        let is_this = error.line == self.line
+            && error.block == self.block.text
+            && error.file == self.files[self.current].name;
+        let mut flow_lost =
+            self.reads_over || error.fault.loses_the_flow() || is_flow(&error.block);
+        if is_this && !flow_lost {
+            self.salvage(&error.fault);
+        }
+        match self.state.stopping {
+            _ if flow_lost => {}
+            Some(Code::M(2 | 30)) => self.ended = true,
+            Some(Code::M(98 | 99)) => flow_lost = true,
+            _ => {}
+        }
+        if flow_lost {
+            self.ended = is_this && self.go_behind(error).is_err();
+            self.only_read = true;
+        }
     }
 
     /// Goes behind the block of an error.
@@ -88,153 +76,240 @@ impl Interpreter {
     }
 
     /// Reads a block for mistakes that it has whatever comes before it; at the end of the program or the file there is
-    /// no more.
+    /// no more. Behind a subroutine its first caller is read on.
     pub(super) fn judge_block(&mut self) -> Result<(), Refusal> {
         if !self.read_block()? || self.block.percent {
-            self.ended = true;
-            return Ok(());
+            return self.leave_calls();
         }
         if self.is_deleted() {
             return Ok(());
         }
-        self.ended = self.state.judge(&self.block)?;
+        let flow = self.block.flow.as_ref();
+        if flow.is_some_and(|it| it.statement == Statement::EndSub) && self.is_called() {
+            return self.leave_calls();
+        }
+        match self.state.judge(&self.block)? {
+            Some(Code::M(2 | 30)) => self.ended = true,
+            Some(Code::M(99)) if self.is_called() => return self.leave_calls(),
+            _ => {}
+        }
         Ok(())
     }
 
-    /// Whether the program goes on by a parameter that is not known: from there on each block is judged by itself.
+    fn leave_calls(&mut self) -> Result<(), Refusal> {
+        match self.first_caller() {
+            Some(at) => self.go_to(at),
+            None => {
+                self.ended = true;
+                Ok(())
+            }
+        }
+    }
+
+    /// Whether the program goes on by what is not known: from there on each block is judged by itself.
     pub(super) fn loses_the_way(&mut self) -> bool {
-        let mut arguments = self.block.arguments.iter();
-        let asks = arguments.any(|it| !self.block.is_constant(it));
-        self.only_read |= asks && self.state.lost.parameters;
+        let Some(flow) = &self.block.flow else {
+            return false;
+        };
+        use Statement::{ElseIf, If, Repeat, While};
+        let is_lost = |value: &Value| self.state.is_lost(&self.block, value);
+        let by_argument = matches!(flow.statement, If | ElseIf | While | Repeat)
+            && self.block.arguments.iter().any(is_lost);
+        let by_label = flow.label.computed().is_some_and(is_lost);
+        self.only_read |= by_argument || by_label;
         self.only_read
+    }
+
+    /// Whether the block calls a subprogram, or goes through one so often, as is not known.
+    pub(super) fn calls_what_is_lost(&self) -> bool {
+        self.state.lost.letters.has_any_of(b"PL")
     }
 
     /// Does what can be read of the block, which was refused.
     fn salvage(&mut self, fault: &Fault) {
         let text = self.block.text.clone();
-        let mut left = text.clone();
-        let mut refused = self.block.parse(&text).err();
-        for _ in 0..MOST_PARTS {
-            let Some(refusal) = refused else {
-                break;
-            };
-            left = without(&left, refusal.columns);
-            refused = self.block.parse(&left).err();
+        let is_cut = matches!(fault, Fault::LineTooLong { .. });
+        let unread = match is_cut {
+            // So much of it was read.
+            true => {
+                let begin = String::from_utf8_lossy(&self.bytes).into_owned();
+                self.block.parse_what_can_be(&begin)
+            }
+            false => self.block.parse_what_can_be(&text),
+        };
+        let tokens = &self.block.tokens.list;
+        let is_comment = |at: usize| tokens.get(at).is_some_and(|it| it.kind == Kind::Comment);
+        if is_cut && !is_comment(tokens.len().wrapping_sub(2)) {
+            self.state.lost.lose_all();
+            (self.state.nurbs, self.state.nurbs_start) = (None, None);
+        } else if !self.is_deleted() && !self.block.percent {
+            self.state.do_what_can_be_read(&self.block, unread, fault);
         }
-        if refused.is_some() {
-            left.clear();
-        }
-        if self.block.parse(&left).is_ok() {
-            let read = match fault {
-                // Modes that are not possible there are not in effect.
-                Fault::WhileCompensated { .. } => Words::default(),
-                _ => self.state.do_what_can_be_read(&self.block),
-            };
-            self.state.lose(&without_comments(&text), &read);
-        }
+        self.ended |= self.block.percent && self.started;
         self.block.text = text;
     }
 
     /// Whether an error may be none, by what is not known behind an earlier one.
     pub(super) fn follows(&self, error: &Error) -> bool {
-        let State { lost, modes, .. } = &self.state;
-        let is_arc_of_unknown_ends = lost.ends && matches!(modes.motion, Motion::Arc(_));
-        match error.fault {
-            Fault::SoftLimit { axis, .. } => is_arc_of_unknown_ends || lost.axes.contains(axis),
-            Fault::CycleBelow { axis, .. } => lost.axes.contains(axis),
-            Fault::ArcNearlyClosed { .. }
-            | Fault::ArcRadii { .. }
-            | Fault::ArcNoRadius
-            | Fault::ArcRadiusSamePoint
-            | Fault::ArcTooFar { .. } => is_arc_of_unknown_ends,
-            Fault::ProbeTooShort { .. } => !lost.axes.is_empty(),
-            Fault::NoFeed { .. } | Fault::FeedZero { .. } => lost.feed,
-            Fault::CycleSpindle { .. }
-            | Fault::ThreadSpindle { .. }
-            | Fault::FeedPerTurnSpindle { .. } => lost.spindle,
-            Fault::ParameterUnset(_) => lost.parameters,
-            Fault::UnusedWord { letter } => lost.motion && "IJKRPQL".contains(letter),
-            Fault::NoMotion | Fault::ArcUndefined(_) | Fault::ArcOffsetPlane { .. } => lost.motion,
-            _ => false,
+        let State { lost, .. } = &self.state;
+        !lost.is_nothing() && (lost.is_behind(&error.fault) || self.is_by_lost_values(error))
+    }
+
+    /// Whether the block of an error goes by values that are not known.
+    fn is_by_lost_values(&self, error: &Error) -> bool {
+        let block = &self.block;
+        if error.block != block.text || error.line != self.line {
+            return false;
         }
+        let is_told = match &error.fault {
+            Fault::UnknownCode(_)
+            | Fault::Unsupported { .. }
+            | Fault::Conflict { .. }
+            | Fault::Value {
+                letter: 'G' | 'M', ..
+            } => self.state.judge(block).is_err(),
+            Fault::UnusedWord { .. } | Fault::MissingWord { .. } | Fault::NoMotion => true,
+            fault => fault.is_misspelling(),
+        };
+        let words = block.words.iter().map(|it| &it.value);
+        let settings = block.settings.iter().flat_map(|it| {
+            let index = match &it.target {
+                Target::Numbered(index) => Some(index),
+                Target::Named(_) => None,
+            };
+            index.into_iter().chain([&it.value])
+        });
+        let mut values = words.chain(settings).chain(&block.arguments);
+        !is_told && values.any(|value| self.state.is_lost(block, value))
     }
 }
 
 impl State {
-    /// Executes those words of a block that can be, in the order of [`execute`](Self::execute); a motion whose target was known already is
-    /// not made again. Which words these are.
-    fn do_what_can_be_read(&mut self, block: &Block) -> Words {
-        let mut words = Words::default();
-        let mut stack = Vec::new();
-        for word in &block.words {
-            let value = block.evaluate(&word.value, self, &mut stack);
-            if let (Ok(()), Ok(value)) = (self.has_axis_of(word), value) {
-                let _ = words.add(word.letter, value, word.columns);
+    /// Does what can be read of a block that was refused: what [`execute`](Self::execute) did of it before is not done again.
+    fn do_what_can_be_read(&mut self, block: &Block, mut unread: Unread, fault: &Fault) {
+        if unread.is_text {
+            return self.lost.lose_axes();
+        }
+        let (words, may_be_any_axis) = self.words_that_can_be_read(block, &mut unread);
+        let mut words = words;
+        if self.come == Come::Nowhere {
+            for setting in &block.settings {
+                let is_set = self.set_what_can_be(block, setting);
+                unread.settings += usize::from(!is_set);
+            }
+            self.know(block, &words);
+        }
+        self.stopping = words.code(Group::Stopping);
+        self.lose_unread(&unread, &words);
+        unread
+            .letters
+            .iter()
+            .for_each(|it| self.lost.letters.insert(it));
+        let next = match self.come {
+            Come::Nowhere | Come::ToSettings => 0,
+            Come::ToStage(refused) => {
+                self.lose_stage(refused, &words);
+                // What is not possible in a contour is not in effect.
+                let is_possible = refused > 0;
+                if is_possible {
+                    refused + 1
+                } else {
+                    STAGES.len()
+                }
+            }
+            Come::BehindMotion => STAGES.len(),
+        };
+        let commands = &mut VecDeque::new();
+        for (index, (stage, _)) in STAGES.iter().enumerate().skip(next) {
+            self.come = Come::ToStage(index);
+            let done = stage(self, block, &mut words, commands);
+            if done.is_err() && self.come != Come::BehindMotion {
+                self.lose_stage(index, &words);
             }
         }
-        let mut commands = VecDeque::new();
-        let commands = &mut commands;
-        let _ = self.end_compensation_by(&words);
-        let _ = self.feeds(&mut words);
-        let _ = self.tools(&mut words, commands);
-        let _ = self.spindle(&mut words, commands);
-        let _ = self.coolant(&words, commands);
-        let _ = self.set_modes(&mut words, commands);
-        let _ = self.offsets(&mut words, commands);
-        if !self.target_is_known {
-            let _ = self.motion(block, &mut words, commands);
-        }
-        words
-    }
-
-    /// What the text of a block names and nobody could read is lost.
-    fn lose(&mut self, text: &str, read: &Words) {
-        let written = |letter: u8| {
-            text.bytes()
-                .filter(move |it| it.eq_ignore_ascii_case(&letter))
-        };
-        let names = |letter: u8| written(letter).next().is_some() && !read.has(letter);
-        if written(b'G').count() > read.g_codes() {
-            (self.lost.distance, self.lost.motion, self.lost.offsets) = (true, true, true);
-        }
-        let is_of_unknown_tool = read.code(Group::ToolLength).is_some() && names(b'H');
-        self.lost.offsets |= is_of_unknown_tool || read.code(Group::Offsets).is_some();
+        self.set_places();
+        // Words of axes may be those of another code: the time of a dwell, what is not possible in a contour.
+        let of_others = matches!(
+            fault,
+            Fault::MissingWord { .. } | Fault::UnusedWord { .. } | Fault::WhileCompensated { .. }
+        );
         for axis in AxisLetter::ALL {
-            let is_polar = axis.index() < 2 && (names(b'@') || names(b'^'));
-            let letter = axis.letter() as u8;
-            if is_polar || names(letter) || (self.lost.is_meant_otherwise() && read.has(letter)) {
+            if of_others && words.has(axis.letter() as u8) {
                 self.lost.axes.insert(axis);
             }
         }
-        self.lost.feed |= names(b'F');
-        self.lost.spindle |= names(b'S');
-        self.lost.parameters |= text.contains('#') && text.contains('=');
+        if self.lost.has(Things::NURBS) {
+            (self.nurbs, self.nurbs_start) = (None, None);
+        }
+        let is_moved = words.has_axes() || words.has_polar();
+        if self.lose_axes_of(&unread, may_be_any_axis) || is_moved {
+            // The way off a contour is this block's.
+            if self.compensated == Compensated::Leaving {
+                self.compensated = Compensated::Off;
+            }
+        }
     }
-}
 
-/// A line without its comments.
-fn without_comments(line: &str) -> String {
-    let line = line.split_once(';').map_or(line, |(before, _)| before);
-    let parts = line.split('(').enumerate().map(|(at, part)| match at {
-        0 => part,
-        _ => part.split_once(')').map_or("", |(_, behind)| behind),
-    });
-    parts.collect()
-}
+    /// The words of a block whose values are known, and whether one of the others may be of any axis.
+    fn words_that_can_be_read(&self, block: &Block, unread: &mut Unread) -> (Words, bool) {
+        let mut words = Words::default();
+        let mut stack = Vec::new();
+        let mut may_be_any_axis = false;
+        // A parameter is not any more what it was.
+        let has_set = self.come != Come::Nowhere && !block.settings.is_empty();
+        for word in &block.words {
+            let value = block.evaluate(&word.value, self, &mut stack);
+            let is_known =
+                self.has_axis_of(word).is_ok() && (!has_set || block.is_constant(&word.value));
+            let value = value.ok().filter(|_| is_known);
+            let added = value.map(|value| words.add(word.letter, value, word.columns));
+            if added.is_some_and(|it| it.is_ok()) {
+                continue;
+            }
+            // A letter that is written twice is one that was meant to be another.
+            may_be_any_axis |= words.has(word.letter);
+            unread.word(&block.text, word);
+        }
+        let axes = self.setup.axes;
+        let mut named = unread.letters.iter().map(char::from);
+        may_be_any_axis |= named
+            .any(|letter| AxisLetter::from_letter(letter).is_some_and(|axis| !axes.contains(axis)));
+        (words, may_be_any_axis)
+    }
 
-/// A line without the words that these columns touch, nor the one that stands right before them.
-fn without(line: &str, columns: Columns) -> String {
-    let characters: Vec<char> = line.chars().collect();
-    let begins_word = |it: &char| it.is_ascii_alphabetic() || matches!(it, '@' | '^' | '#');
-    let end = (columns.end as usize - 1).min(characters.len());
-    let start = (columns.start as usize - 1).min(end);
-    let is_joined = start > 0 && !characters[start - 1].is_whitespace();
-    let word_before = || characters[..start].iter().rposition(begins_word);
-    let from = match is_joined {
-        true => word_before().unwrap_or(0),
-        false => start,
-    };
-    let behind = characters[end..].iter().position(begins_word);
-    let to = behind.map_or(characters.len(), |it| end + it);
-    characters[..from].iter().chain(&characters[to..]).collect()
+    /// One of the [`STAGES`] was refused.
+    fn lose_stage(&mut self, index: usize, words: &Words) {
+        let set = Things::set_by_words(words) | Things::NURBS;
+        let leads = matches!(words.code(Group::Offsets), Some(Code::G(280 | 282 | 300)));
+        let things = match index {
+            0 => Things::IN_CONTOUR,
+            _ => STAGES[index].1,
+        };
+        self.lost.lose(things & set);
+        let is_motion = index + 1 == STAGES.len();
+        if is_motion {
+            self.lost.lose(Things::SERIES | Things::NURBS);
+        }
+        if is_motion || (leads && (index == 0 || things.contains(Things::TABLE))) {
+            self.lost.lose_axes();
+        }
+    }
+
+    /// Where axes are whose words could not be read is lost; whether there are such.
+    fn lose_axes_of(&mut self, unread: &Unread, may_be_any: bool) -> bool {
+        if may_be_any {
+            self.lost.lose_axes();
+        }
+        let is_turned = self.coordinates().rotation != 0.0;
+        let is_in_plane =
+            unread.letters.has_any_of(b"@^") || (is_turned && unread.letters.has_any_of(b"XY"));
+        let mut has_any = may_be_any;
+        for axis in AxisLetter::ALL {
+            if unread.letters.has(axis.letter() as u8) || (is_in_plane && axis.index() < 2) {
+                self.lost.axes.insert(axis);
+                has_any = true;
+            }
+        }
+        has_any
+    }
 }

@@ -10,7 +10,7 @@ use super::command::{Action, Feed, Probe, Spindle, Turning};
 use super::coordinates::sum;
 use super::cycles::Cycle;
 use super::error::{Fault, Refusal};
-use super::execute::{Compensated, State};
+use super::execute::{Come, Compensated, State};
 use super::lexer::Columns;
 use super::modal::{Code, FeedMode, Group, Motion};
 use super::words::{Words, out_of_range};
@@ -39,7 +39,6 @@ impl State {
     ) -> Result<(), Refusal> {
         let explicit = words.code(Group::Motion);
         if let Some(code) = explicit {
-            self.lost.motion = false;
             self.modes.motion = match code {
                 Code::G(0) => Motion::Rapid,
                 Code::G(10) => Motion::Feed,
@@ -86,6 +85,7 @@ impl State {
             .code_columns(Group::Motion)
             .unwrap_or_else(|| block.columns());
         if explicit == Some(Code::G(53)) {
+            self.know_places(words, machine);
             return self.end_nurbs(words, motion_columns, commands);
         }
         let begins_nurbs = explicit == Some(Code::G(52));
@@ -95,6 +95,7 @@ impl State {
                 _ => Ok(()),
             };
         }
+        self.know_places(words, machine);
         if !matches!(motion, Motion::Rapid | Motion::Feed | Motion::None)
             && self.compensated == Compensated::Leaving
         {
@@ -121,34 +122,13 @@ impl State {
             return self.spline(motion, words, motion_columns, commands);
         }
         let to = self.target(words, code, machine)?;
-        self.target_is_known = true;
-        self.lost.ends = self.lost.is_meant_otherwise() || !self.lost.axes.is_empty();
-        if machine || !self.modes.incremental || self.lost.is_meant_otherwise() {
-            self.find_axes(block, words);
-        }
+        self.come = Come::BehindMotion;
         let moved = self.move_to(to, motion, words, motion_columns, commands);
         // Who looks for further mistakes goes on from where a refused motion was to lead.
         if moved.is_err() {
             self.at = to;
         }
         moved
-    }
-
-    /// The axes that a block sends to places are there, as far as these are known.
-    fn find_axes(&mut self, block: &Block, words: &Words) {
-        for axis in AxisLetter::ALL {
-            let letter = axis.letter() as u8;
-            if words.columns(letter).is_none() {
-                continue;
-            }
-            let mut of_axis = block.words.iter().filter(|it| it.letter == letter);
-            let by_parameter = of_axis.any(|it| !block.is_constant(&it.value));
-            if self.lost.is_meant_otherwise() || (self.lost.parameters && by_parameter) {
-                self.lost.axes.insert(axis);
-            } else {
-                self.lost.axes.remove(axis);
-            }
-        }
     }
 
     /// Straight or on an arc to a point.
@@ -234,7 +214,6 @@ impl State {
                 self.sent.insert(axis);
             }
         }
-        self.lost.axes = AxisSet::NONE;
         self.at = at;
     }
 

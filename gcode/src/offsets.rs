@@ -86,8 +86,6 @@ impl State {
         words: &mut Words,
         commands: &mut VecDeque<Action>,
     ) -> Result<(), Refusal> {
-        // By the place where an axis is.
-        self.lost.offsets |= words.code(Group::Offsets).is_some() && !self.lost.axes.is_empty();
         let Some(code) = words.code(Group::Offsets) else {
             return Ok(());
         };
@@ -340,11 +338,14 @@ impl State {
         }
         let all = !words.has_axes() && !words.has_polar();
         let over = self.target(words, code, false)?;
+        self.know_places(words, false);
         let mut to = over;
+        let mut gone = AxisSet::NONE;
         for axis in self.setup.axes.iter() {
             let polar = matches!(axis, AxisLetter::X | AxisLetter::Y) && words.has_polar();
             if all || polar || words.has(axis.letter() as u8) {
                 to[axis] = reference[axis];
+                gone.insert(axis);
             }
         }
         for to in [over, to] {
@@ -352,6 +353,7 @@ impl State {
                 self.go(Action::Rapid { to }, words, columns, commands)?;
             }
         }
+        self.know_axes(gone);
         Ok(())
     }
 }

@@ -17,13 +17,17 @@ use super::block::{Block, Flow, Label, Setting, Statement, Target, Word};
 use super::error::{Fault, Refusal};
 use super::expression::{Function, Operation, Operator, Step, Value};
 use super::lexer::{Columns, Kind, Token};
+use super::words::Letters;
 
 /// How deep brackets, signs and `#` may nest.
 const MAX_DEPTH: u32 = 32;
+/// Where a number is not read on.
+pub(crate) const CUT: char = ',';
+/// So many letters in a row begin no block.
+const LETTERS_OF_TEXT: usize = 4;
 
 impl Block {
-    /// Reads `line` into the block in place of what it held.
-    pub(crate) fn parse(&mut self, line: &str) -> Result<(), Refusal> {
+    fn clear(&mut self, line: &str) {
         self.text.clear();
         self.text.push_str(line);
         self.delete = false;
@@ -33,14 +37,13 @@ impl Block {
         self.flow = None;
         self.arguments.clear();
         self.steps.clear();
+    }
+
+    /// Reads `line` into the block in place of what it held.
+    pub(crate) fn parse(&mut self, line: &str) -> Result<(), Refusal> {
+        self.clear(line);
         self.tokens.read(&self.text)?;
-        let mut parser = Parser {
-            text: &self.text,
-            tokens: &self.tokens.list,
-            at: 0,
-            depth: 0,
-            steps: &mut self.steps,
-        };
+        let mut parser = Parser::new(&self.text, &self.tokens.list, &mut self.steps);
         if parser.skip(&Kind::Slash) {
             self.delete = true;
         }
@@ -62,44 +65,94 @@ impl Block {
             parser.comments();
             return parser.finish("nothing else in a block with an O-word");
         }
+        while parser.part(&mut self.words, &mut self.settings)? {}
+        Ok(())
+    }
+
+    /// Reads what can be read of the words and settings of `line`, which is refused; what cannot.
+    pub(crate) fn parse_what_can_be(&mut self, line: &str) -> Unread {
+        self.clear(line);
+        self.tokens.read_what_can_be(&self.text);
+        let mut parser = Parser::new(&self.text, &self.tokens.list, &mut self.steps);
+        let mut unread = Unread::default();
+        self.delete = parser.skip(&Kind::Slash);
+        self.percent = parser.skip(&Kind::Percent);
+        if self.percent {
+            return unread;
+        }
+        if parser.letter() == Some(b'N') {
+            parser.at += 1;
+            parser.at += usize::from(matches!(parser.peek().kind, Kind::Number(_)));
+        }
+        if parser.begins_text() {
+            unread.is_text = true;
+            return unread;
+        }
+        // Whether the part before is a word.
+        let mut is_behind_word = None;
         loop {
-            let token = parser.peek();
-            match &token.kind {
-                Kind::End => return Ok(()),
-                Kind::Comment => parser.at += 1,
-                Kind::Letter(b'N') => {
-                    return Err(Refusal::new(token.columns, Fault::LineNumberPlace));
-                }
-                Kind::Letter(b'O') => return Err(Refusal::new(token.columns, Fault::FlowPlace)),
-                Kind::Letter(letter) => {
-                    parser.refuse_macro()?;
-                    parser.at += 1;
-                    let value = parser.value("a value")?;
-                    self.words.push(Word {
-                        letter: *letter,
-                        columns: token.columns.to(value.columns),
-                        value,
-                    });
-                }
-                Kind::Hash => {
-                    parser.at += 1;
-                    let target = match parser.name() {
-                        Some(name) => Target::Named(name),
-                        None => Target::Numbered(parser.value("a parameter's number")?),
-                    };
-                    if !parser.skip(&Kind::Equals) {
-                        return Err(parser.expected("`=` behind the parameter"));
+            let (start, words) = (parser.at, self.words.len());
+            match parser.part(&mut self.words, &mut self.settings) {
+                Ok(true) if parser.tokens[start].kind == Kind::Comment => is_behind_word = None,
+                Ok(true) => is_behind_word = Some(self.words.len() > words),
+                Ok(false) => return unread,
+                Err(_) => {
+                    let spoils = parser.read_over(start, &mut unread);
+                    match is_behind_word.take().filter(|_| spoils) {
+                        Some(true) => {
+                            let word = self.words.pop();
+                            word.iter().for_each(|it| unread.word(&self.text, it));
+                        }
+                        Some(false) => {
+                            let setting = self.settings.pop();
+                            unread.settings += usize::from(setting.is_some());
+                        }
+                        None => {}
                     }
-                    let value = parser.value("a value")?;
-                    self.settings.push(Setting {
-                        target,
-                        columns: token.columns.to(value.columns),
-                        value,
-                    });
                 }
-                _ => return Err(parser.expected("a word, a parameter setting or a comment")),
             }
         }
+    }
+}
+
+/// What could not be read of a block.
+#[derive(Debug, Default)]
+pub(crate) struct Unread {
+    /// The line is no block but text.
+    pub(crate) is_text: bool,
+    /// The letters of words, `G` and `M` among them.
+    pub(crate) letters: Letters,
+    /// What is written behind those of G and M, as far as it may be a number: digits, and letters in the place of such; it ends
+    /// with [`CUT`] where something else stands behind it.
+    pub(crate) codes: Vec<(u8, String)>,
+    pub(crate) settings: usize,
+}
+
+impl Unread {
+    /// A word that was read means something else.
+    pub(crate) fn word(&mut self, text: &str, word: &Word) {
+        self.letter(text, word.letter, word.columns.start);
+    }
+
+    fn letter(&mut self, text: &str, letter: u8, column: u32) {
+        self.letters.insert(letter);
+        if !matches!(letter, b'G' | b'M') {
+            return;
+        }
+        let behind = text.chars().skip(column as usize);
+        let behind = behind.filter(|it| !matches!(it, ' ' | '\t'));
+        let mut written = String::new();
+        for character in behind {
+            match character {
+                '0'..='9' | 'o' | 'O' => written.push(character),
+                'a'..='z' | 'A'..='Z' | '(' | ';' | '#' | '/' => break,
+                _ => {
+                    written.push(CUT);
+                    break;
+                }
+            }
+        }
+        self.codes.push((letter, written));
     }
 }
 
@@ -112,6 +165,127 @@ struct Parser<'a> {
 }
 
 impl<'a> Parser<'a> {
+    fn new(text: &'a str, tokens: &'a [Token], steps: &'a mut Vec<Step>) -> Self {
+        Self {
+            text,
+            tokens,
+            at: 0,
+            depth: 0,
+            steps,
+        }
+    }
+
+    /// Reads a word, a setting or a comment; `false` at the end.
+    fn part(
+        &mut self,
+        words: &mut Vec<Word>,
+        settings: &mut Vec<Setting>,
+    ) -> Result<bool, Refusal> {
+        let token = self.peek();
+        match &token.kind {
+            Kind::End => return Ok(false),
+            Kind::Comment => self.at += 1,
+            Kind::Letter(b'N') => {
+                return Err(Refusal::new(token.columns, Fault::LineNumberPlace));
+            }
+            Kind::Letter(b'O') => return Err(Refusal::new(token.columns, Fault::FlowPlace)),
+            Kind::Letter(letter) => {
+                self.refuse_macro()?;
+                self.at += 1;
+                let value = self.value("a value")?;
+                words.push(Word {
+                    letter: *letter,
+                    columns: token.columns.to(value.columns),
+                    value,
+                });
+            }
+            Kind::Hash => {
+                self.at += 1;
+                let target = match self.name() {
+                    Some(name) => Target::Named(name),
+                    None => Target::Numbered(self.value("a parameter's number")?),
+                };
+                if !self.skip(&Kind::Equals) {
+                    return Err(self.expected("`=` behind the parameter"));
+                }
+                let value = self.value("a value")?;
+                settings.push(Setting {
+                    target,
+                    columns: token.columns.to(value.columns),
+                    value,
+                });
+            }
+            _ => return Err(self.expected("a word, a parameter setting or a comment")),
+        }
+        Ok(true)
+    }
+
+    /// Whether a token stands right behind the one before it.
+    fn is_joined(&self, at: usize) -> bool {
+        at > 0 && self.tokens[at - 1].columns.end == self.tokens[at].columns.start
+    }
+
+    fn is_letter(&self, at: usize) -> bool {
+        matches!(self.tokens[at].kind, Kind::Letter(_))
+    }
+
+    /// Whether the block begins with a word of a language.
+    fn begins_text(&self) -> bool {
+        let is_text = |at: usize| self.is_letter(at) && (at == self.at || self.is_joined(at));
+        self.at + LETTERS_OF_TEXT < self.tokens.len()
+            && (self.at..self.at + LETTERS_OF_TEXT).all(is_text)
+    }
+
+    /// Goes behind a part that begins at `start` and was refused: to where the next may begin. Whether the part before it is
+    /// spoilt by it.
+    fn read_over(&mut self, start: usize, unread: &mut Unread) -> bool {
+        self.depth = 0;
+        let refused = self.at.max(start);
+        let mut open = 0_usize;
+        let mut letters = vec![start];
+        let mut at = start;
+        loop {
+            match self.tokens[at].kind {
+                Kind::End => break,
+                Kind::Open => open += 1,
+                Kind::Close => open = open.saturating_sub(1),
+                Kind::Comment | Kind::Hash if open == 0 && at > start && at >= refused => break,
+                Kind::Letter(_) if at > start && at >= refused => {
+                    let goes_on = self.is_letter(at - 1) && self.is_joined(at);
+                    if open == 0 && !goes_on {
+                        break;
+                    }
+                    letters.push(at);
+                }
+                _ => {}
+            }
+            at += 1;
+        }
+        // In brackets that close letters are of functions.
+        let is_closed = open == 0;
+        let mut depth = 0_usize;
+        for token in start..at {
+            match self.tokens[token].kind {
+                Kind::Open => depth += 1,
+                Kind::Close => depth = depth.saturating_sub(1),
+                Kind::Letter(letter) if letters.contains(&token) && !(depth > 0 && is_closed) => {
+                    unread.letter(self.text, letter, self.tokens[token].columns.start);
+                }
+                _ => {}
+            }
+        }
+        unread.settings += usize::from(self.tokens[start].kind == Kind::Hash);
+        self.at = at;
+        let only_letters = (start..at).all(|it| self.is_letter(it));
+        match self.tokens[start].kind {
+            // A digit that is written as a letter.
+            Kind::Letter(b'O') | Kind::Number(_) => true,
+            Kind::Letter(_) => only_letters && self.is_joined(start),
+            Kind::Hash => false,
+            _ => self.is_joined(start),
+        }
+    }
+
     /// The next token; the list ends with [`Kind::End`], which is never passed.
     fn peek(&self) -> &'a Token {
         &self.tokens[self.at.min(self.tokens.len() - 1)]

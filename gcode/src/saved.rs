@@ -119,6 +119,7 @@ impl State {
         } else if now.compensation.is_some() {
             self.end_compensation();
         }
+        self.lost.restore();
         self.g92_applies = saved.g92_applies;
         let tool_length = if self.modes.tool == saved.modes.tool {
             self.tool_offset = saved.tool_offset;

@@ -84,7 +84,6 @@ impl State {
                 return Err(words.refuse(b'S', fault));
             }
             spindle.speed = speed;
-            self.lost.spindle = false;
         }
         match words.code(Group::Spindle) {
             Some(code @ Code::M(19)) => {

@@ -17,6 +17,28 @@ const fn slot(letter: u8) -> usize {
     (letter - b'@') as usize
 }
 
+/// A set of letters.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Letters(u32);
+
+impl Letters {
+    pub(crate) fn insert(&mut self, letter: u8) {
+        self.0 |= 1 << slot(letter);
+    }
+
+    pub(crate) fn has(self, letter: u8) -> bool {
+        self.0 & 1 << slot(letter) != 0
+    }
+
+    pub(crate) fn has_any_of(self, letters: &[u8]) -> bool {
+        letters.iter().any(|letter| self.has(*letter))
+    }
+
+    pub(crate) fn iter(self) -> impl Iterator<Item = u8> {
+        (b'@'..=b'^').filter(move |letter| self.has(*letter))
+    }
+}
+
 /// A word's value and who used it.
 #[derive(Clone, Copy, Debug)]
 struct Letter {
@@ -107,10 +129,9 @@ impl Words {
         others.min_by_key(|(_, columns)| columns.start)
     }
 
-    /// How many G-codes there are.
-    pub(crate) fn g_codes(&self) -> usize {
-        let codes = self.codes.iter().flatten();
-        codes.filter(|(code, _)| matches!(code, Code::G(_))).count()
+    /// The block's codes.
+    pub(crate) fn codes(&self) -> impl Iterator<Item = Code> + '_ {
+        self.codes.iter().flatten().map(|(code, _)| *code)
     }
 
     /// Whether the letter is there, used or not.

@@ -10,6 +10,7 @@ mod input_results;
 mod linuxcnc;
 mod listing;
 mod memory;
+mod mistake_cases;
 mod mistakes;
 mod motion;
 mod names;
