@@ -764,7 +764,10 @@ impl Iterator for Interpreter {
             if !self.follows(&error) {
                 return Some(Err(error));
             }
-            // It may be none.
+            // It may be none, but what is wrong whatever was before is.
+            if let Some(refusal) = self.wrong_by_itself(&error) {
+                return Some(Err(self.error(refusal)));
+            }
             if !self.go_on(&error) {
                 return None;
             }

@@ -149,6 +149,14 @@ impl Interpreter {
         self.block.text = text;
     }
 
+    /// What is wrong with the block of an error whatever comes before it.
+    pub(super) fn wrong_by_itself(&self, error: &Error) -> Option<Refusal> {
+        let is_this = error.line == self.line && error.block == self.block.text;
+        is_this
+            .then(|| self.state.judge(&self.block).err())
+            .flatten()
+    }
+
     /// Whether an error may be none, by what is not known behind an earlier one.
     pub(super) fn follows(&self, error: &Error) -> bool {
         let State { lost, .. } = &self.state;

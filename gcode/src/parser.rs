@@ -145,7 +145,7 @@ impl Unread {
         for character in behind {
             match character {
                 '0'..='9' | 'o' | 'O' => written.push(character),
-                'a'..='z' | 'A'..='Z' | '(' | ';' | '#' | '/' => break,
+                'a'..='z' | 'A'..='Z' | '.' | '(' | ';' | '#' | '/' => break,
                 _ => {
                     written.push(CUT);
                     break;
