@@ -229,10 +229,27 @@ const CASES: &[Case] = &[
         &[3, 6],
         None,
     ),
+    // By an unread G28 all axes may have gone.
+    (
+        "G0 X50\nG28,\nG2 X10 Y0 I5 J0\nM2\n",
+        &[3],
+        Some("G0 X50\nG28\nG2 X10 Y0 I5 J0\nM2\n"),
+    ),
+    // A depth that later holes go by.
+    (
+        "G81 X1 Y1 Z-5 R2\nX50 Z-9,5\nX60 R-7\nG80\nM2\n",
+        &[3],
+        Some("G81 X1 Y1 Z-5 R2\nX50 Z-9.5\nX60 R-7\nG80\nM2\n"),
+    ),
 ];
 
 /// Without that beginning.
 const WHOLE: &[Case] = &[
+    (
+        "G90 G0 X0 F1,5\nG1 X10\nM2\n",
+        &[1],
+        Some("G90 G0 X0 F1.5\nG1 X10\nM2\n"),
+    ),
     (
         "#<length>=5\nG21 G17 G90 G94 G40 G49 G80 F500 G0 X0 Y0 Z0\nG1 X#<length> Q3\nG1 Y500\nM2\n",
         &[3, 4],

@@ -564,7 +564,7 @@ fn spoilt(block: &str, how: usize) -> String {
     match appended.get(how) {
         Some(appended) => format!("{block}{appended}"),
         // A comma for a point, or a letter for a digit.
-        None if how % 2 == 0 && block.contains('.') => block.replacen('.', ",", 1),
+        None if how.is_multiple_of(2) && block.contains('.') => block.replacen('.', ",", 1),
         None if block.contains(['0', '1', '5']) => block.replacen(['0', '1', '5'], "o", 1),
         None => format!("{block} $"),
     }
