@@ -71,13 +71,8 @@ impl Things {
     pub(crate) const SPINDLE: Things = Self::SPEED.and(Self::TURNING).and(Self::SURFACE);
     /// What says which places words of axes mean.
     const MEANING: Things = Self::DISTANCE.and(Self::UNITS).and(Self::OFFSETS);
-    /// What says how a curve or a cycle goes.
-    const PATH: Things = Self::MEANING
-        .and(Self::ARC_DISTANCE)
-        .and(Self::PLANE)
-        .and(Self::CYCLE_RETURN)
-        .and(Self::SERIES)
-        .and(Self::NURBS);
+    /// What says how a curve goes.
+    const CURVE: Things = Self::MEANING.and(Self::ARC_DISTANCE).and(Self::PLANE);
     /// What M72 restores.
     pub(crate) const MODES: Things = Self::FEED
         .and(Self::FEED_MODE)
@@ -94,7 +89,6 @@ impl Things {
     /// What an unread G may have set, whatever its number.
     const ANY_G: Things = Self::FEED_MODE
         .and(Self::DISTANCE)
-        .and(Self::ARC_DISTANCE)
         .and(Self::PLANE)
         .and(Self::MOTION)
         .and(Self::CYCLE_RETURN)
@@ -265,7 +259,7 @@ impl Lost {
 
     /// Whether it is not known where a compensated contour goes.
     pub(crate) fn loses_contours(&self) -> bool {
-        let things = Things::PATH | Things::MOTION | Things::COMPENSATION | Things::CUTTER;
+        let things = Things::CURVE | Things::MOTION | Things::COMPENSATION | Things::CUTTER;
         self.way || !self.axes.is_empty() || self.has(things)
     }
 
@@ -306,6 +300,7 @@ impl Lost {
             return;
         }
         lose(&["20", "21"], Things::UNITS);
+        lose(&["90", "91"], Things::ARC_DISTANCE);
         lose(&["10"], Things::TABLE);
         lose(&["52", "92"], Things::SHIFT);
         lose(&["28", "30"], Things::REFERENCES);
@@ -338,7 +333,7 @@ impl Fault {
             | Fault::ArcRadii { .. }
             | Fault::ArcNoRadius
             | Fault::ArcRadiusSamePoint
-            | Fault::ArcTooFar { .. } => (T::MOTION | T::PATH, Places::Way),
+            | Fault::ArcTooFar { .. } => (T::MOTION | T::CURVE, Places::Way),
             Fault::ArcUndefined(_) => (T::MOTION | T::PLANE | T::ARC_DISTANCE, Places::None),
             Fault::ArcOffsetPlane { .. } | Fault::ArcOverdefined => {
                 (T::MOTION | T::PLANE, Places::None)
@@ -419,7 +414,7 @@ impl Fault {
             | Fault::CutterCuts { .. }
             | Fault::CutterHasCut { .. }
             | Fault::CutterWaits { .. } => (
-                T::PATH | T::MOTION | T::COMPENSATION | T::CUTTER,
+                T::CURVE | T::MOTION | T::COMPENSATION | T::CUTTER,
                 Places::Way,
             ),
             Fault::NothingSaved => (T::SAVED, Places::None),
@@ -679,8 +674,12 @@ impl State {
         let ends = axes
             .iter()
             .any(|it| before.contains(*it) || self.lost.axes.contains(*it));
-        self.lost.way =
-            ends || self.lost.letters != Letters::default() || self.lost.has(Things::PATH);
+        let others = match motion {
+            Motion::Arc(_) => Things::CURVE,
+            Motion::Cycle(_) => Things::CURVE | Things::SERIES | Things::CYCLE_RETURN,
+            _ => Things::CURVE | Things::SERIES | Things::NURBS,
+        };
+        self.lost.way = ends || self.lost.letters != Letters::default() || self.lost.has(others);
         if matches!(motion, Motion::Cycle(_)) {
             // Its end across the plane is no word's.
             if self.lost.way {

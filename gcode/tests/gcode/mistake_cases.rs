@@ -231,7 +231,7 @@ const CASES: &[Case] = &[
     ),
     // By an unread G28 all axes may have gone.
     (
-        "G0 X50\nG28,\nG2 X10 Y0 I5 J0\nM2\n",
+        "G0 X50\nG28,\nG17 G90 G54 G2 X10 Y0 I5 J0\nM2\n",
         &[3],
         Some("G0 X50\nG28\nG2 X10 Y0 I5 J0\nM2\n"),
     ),
