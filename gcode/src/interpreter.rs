@@ -691,17 +691,7 @@ impl Interpreter {
         self.settle(self.span())
     }
 
-    /// Notes what is wrong with the block that is read over.
-    pub(super) fn note(&mut self, refusal: Refusal) {
-        let text = self.block.text.as_str().into();
-        let span = self.span();
-        self.noted.push_back(Refusal {
-            origin: Some(Box::new(Origin { span, text })),
-            ..refusal
-        });
-    }
-
-    fn span(&self) -> Span {
+    pub(super) fn span(&self) -> Span {
         Span {
             file: u16::try_from(self.current).unwrap_or(u16::MAX),
             line: self.line,

@@ -389,6 +389,14 @@ impl Fault {
             | Fault::NoSpindleAngle { .. }
             | Fault::ThreadingTaper { .. }
             | Fault::TooManyPasses { .. } => (T::MOTION, Places::None),
+            _ => self.hangs_on_beside_motion(),
+        }
+    }
+
+    /// What those hang on that are of no motion's words: of tools, contours, splines that are open, parameters and the flow.
+    fn hangs_on_beside_motion(&self) -> (Things, Places) {
+        use Things as T;
+        match self {
             Fault::NoSuchTool { .. } | Fault::CutterNoTool { .. } => {
                 (T::TOOL | T::TABLE, Places::None)
             }

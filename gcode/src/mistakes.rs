@@ -11,7 +11,7 @@ use std::io;
 
 use super::axes::AxisLetter;
 use super::block::{Block, Statement, Target};
-use super::error::{Error, Fault, Refusal};
+use super::error::{Error, Fault, Origin, Refusal};
 use super::execute::{Come, Compensated, STAGES, State};
 use super::expression::Value;
 use super::flow::is_flow;
@@ -63,6 +63,16 @@ impl Interpreter {
             self.ended = is_this && self.go_behind(error).is_err();
             self.only_read = true;
         }
+    }
+
+    /// Notes what is wrong with the block that is read over.
+    pub(super) fn note(&mut self, refusal: Refusal) {
+        let text = self.block.text.as_str().into();
+        let span = self.span();
+        self.noted.push_back(Refusal {
+            origin: Some(Box::new(Origin { span, text })),
+            ..refusal
+        });
     }
 
     /// Goes behind the block of an error.
