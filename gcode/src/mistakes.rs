@@ -18,7 +18,7 @@ use super::flow::is_flow;
 use super::interpreter::Interpreter;
 use super::lexer::Kind;
 use super::lost::Things;
-use super::modal::{Code, Group};
+use super::modal::{Code, Group, Motion};
 use super::parser::Unread;
 use super::source::{Place, Read1};
 use super::words::Words;
@@ -304,12 +304,28 @@ impl State {
             _ => STAGES[index].1,
         };
         self.lost.lose(things & set);
-        let is_motion = index + 1 == STAGES.len();
-        if is_motion {
-            self.lost.lose(Things::SERIES | Things::NURBS);
-        }
-        if is_motion || (leads && (index == 0 || things.contains(Things::TABLE))) {
+        if leads && (index == 0 || things.contains(Things::TABLE)) {
             self.lost.lose_axes();
+        }
+        if index + 1 == STAGES.len() {
+            self.lost.lose(Things::SERIES | Things::NURBS);
+            self.lose_ends(words);
+        }
+    }
+
+    /// A motion was refused before it was known where it leads.
+    fn lose_ends(&mut self, words: &Words) {
+        use Motion::{Arc, Feed, Probe, Rapid, Tap, Thread};
+        let is_straight = matches!(
+            self.modes.motion,
+            Rapid | Feed | Arc(_) | Probe(_) | Thread | Tap
+        );
+        let is_turned = words.has_polar() || self.coordinates().rotation != 0.0;
+        for axis in AxisLetter::ALL {
+            let by_others = !is_straight && axis.index() < 3 || is_turned && axis.index() < 2;
+            if by_others || words.has(axis.letter() as u8) {
+                self.lost.axes.insert(axis);
+            }
         }
     }
 
