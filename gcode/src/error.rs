@@ -175,6 +175,8 @@ pub enum Fault {
     LineNumberPlace,
     #[error("an O-word stands alone in its block: give it a line of its own")]
     FlowPlace,
+    #[error("`O` is a letter here: write 0, if that is meant")]
+    LetterO,
 
     // Values.
     #[error("no parameter #{0}: numbers from 1 to 5602 can be used")]
@@ -608,6 +610,7 @@ impl Fault {
                 | Self::TooDeep { .. }
                 | Self::LineNumberPlace
                 | Self::FlowPlace
+                | Self::LetterO
                 | Self::NoSuchAxis { .. }
                 | Self::UnknownCode(_)
                 | Self::Unsupported { .. }

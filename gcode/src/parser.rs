@@ -188,7 +188,17 @@ impl<'a> Parser<'a> {
             Kind::Letter(b'N') => {
                 return Err(Refusal::new(token.columns, Fault::LineNumberPlace));
             }
-            Kind::Letter(b'O') => return Err(Refusal::new(token.columns, Fault::FlowPlace)),
+            Kind::Letter(b'O') => {
+                // Right behind a number it is a digit that was mistyped.
+                let is_behind = |it: &Token| matches!(it.kind, Kind::Number(_));
+                let is_digit = self.is_joined(self.at) && is_behind(&self.tokens[self.at - 1]);
+                let fault = if is_digit {
+                    Fault::LetterO
+                } else {
+                    Fault::FlowPlace
+                };
+                return Err(Refusal::new(token.columns, fault));
+            }
             Kind::Letter(letter) => {
                 self.refuse_macro()?;
                 self.at += 1;
@@ -463,6 +473,8 @@ impl<'a> Parser<'a> {
                 }
             }
             Kind::Open => self.bracket()?,
+            // No function begins with it.
+            Kind::Letter(b'O') => return Err(Refusal::new(self.peek().columns, Fault::LetterO)),
             Kind::Letter(_) => self.function(what)?,
             _ => return Err(self.expected(what)),
         }
@@ -598,6 +610,12 @@ impl<'a> Parser<'a> {
                     .find(|(keyword, ..)| *keyword == written);
                 let Some((keyword, statement, count)) = found else {
                     let columns = self.letters_columns(written.len());
+                    // `CALL 5`, whose L is no word's.
+                    let is_longer = |keyword: &str| keyword.len() == written.len() + 1;
+                    let mut longer = STATEMENTS.iter().filter(|it| is_longer(it.0));
+                    if longer.any(|it| self.keyword(it.0)) {
+                        return Err(self.expected("what the statement is given in brackets, `[…]`"));
+                    }
                     // `G0`, and no statement.
                     if written.len() == 1 {
                         return Err(Refusal::new(columns, Fault::FlowPlace));

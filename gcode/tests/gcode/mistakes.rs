@@ -635,6 +635,36 @@ fn a_spline_without_an_end_is_told_once() {
     assert_eq!(mistakes_with(xyz(), "G5.2 X1 Y1 F9").len(), 1);
 }
 
+/// The letter O for a 0, which is the usual slip of the finger, is no O-word, and a statement that is given something without brackets is
+/// one all the same.
+#[test]
+fn a_letter_for_a_digit_is_told_as_that() {
+    for text in [
+        "G0 X1O Y10",
+        "G9O",
+        "GO X5",
+        "G1 XO F100",
+        "G0 YO.5",
+        "MO",
+        "S1OOO",
+        "X1.O",
+    ] {
+        let told = mistakes_with(xyz(), &format!("{text}\nM2"));
+        assert!(
+            told[0].1.starts_with("`O` is a letter here: write 0"),
+            "{text}: {told:?}"
+        );
+    }
+    for text in ["G0 X1 O5 sub", "G0 X1 o<x> call"] {
+        let told = mistakes_with(xyz(), &format!("{text}\nM2"));
+        assert!(told[0].1.contains("stands alone"), "{text}: {told:?}");
+    }
+    for text in ["o1 call 5", "o1 if 1", "o1 while 1", "o1 repeat 3"] {
+        let told = mistakes_with(xyz(), &format!("{text}\nM2"));
+        assert!(told[0].1.contains("in brackets, `[…]`"), "{text}: {told:?}");
+    }
+}
+
 #[test]
 fn no_advice_about_a_comma_makes_another_number() {
     let meant = |text: &str| {

@@ -473,6 +473,22 @@ fn lines_that_are_none_keep_nobody_from_those_behind_them() {
     }
 }
 
+/// Who switches off before lines that wait is told which are not done; behind a `wait` all of them are.
+#[test]
+fn a_console_tells_what_it_leaves_undone_as_it_switches_off() {
+    let folder = Folder::new();
+    let machine = folder.file("machine.toml", &machine_with("xyz", &[]));
+    let lines = "jog X+1\nmdi G0 X3\nmdi (MSG, the last) G0 X4\n";
+    let told = console_by_lines(&machine, &format!("{lines}switch_off\n"));
+    let undone = "not done, as `switch_off` came before it: mdi";
+    assert!(told.contains(undone), "{told}");
+    let told = console_by_lines(&machine, &format!("{lines}wait\nswitch_off\n"));
+    assert!(
+        told.contains("the last") && !told.contains("not done"),
+        "{told}"
+    );
+}
+
 /// What the machine refuses has not been at work.
 #[test]
 fn a_line_that_is_refused_is_never_told_as_at_work() {

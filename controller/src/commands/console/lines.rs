@@ -168,18 +168,22 @@ impl Reader {
         let line = line.trim();
         let behind = self.waiting.iter().any(|waiting| waiting == WAIT);
         match line {
-            "feed_hold" => return self.obey(line),
-            "stop" | "disable" | "switch_off" => {
-                let dropped = self.waiting.drain(..).filter(|waiting| waiting != WAIT);
-                dropped.for_each(|it| println!("not done, as `{line}` came before it: {it}"));
-                return self.obey(line);
-            }
+            "feed_hold" => {}
+            "stop" => self.leave_undone(line),
             _ if behind || line == WAIT || parsed(line).is_ok_and(|it| begins(&it)) => {
                 self.waiting.push_back(line.to_owned());
+                return Ok(());
             }
-            _ => return self.obey(line),
+            "disable" | "switch_off" => self.leave_undone(line),
+            _ => {}
         }
-        Ok(())
+        self.obey(line)
+    }
+
+    /// What waits is not done any more, as this line comes before it.
+    fn leave_undone(&mut self, line: &str) {
+        let dropped = self.waiting.drain(..).filter(|waiting| waiting != WAIT);
+        dropped.for_each(|it| println!("not done, as `{line}` came before it: {it}"));
     }
 
     fn obey(&mut self, line: &str) -> Result<(), NotTaken> {
