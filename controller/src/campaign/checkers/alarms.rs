@@ -32,6 +32,10 @@ fn suspect(scene: &Scene<'_>, device: usize, suspects: &mut Vec<usize>) {
         None => (machine.encoders.get(device - machine.drives.len())).and_then(|it| it.axis),
     };
     suspects.extend(axis.iter().flat_map(|axis| &machine.axes[*axis].drives));
+    // Who has the output that closes the enable chain lets go of all drives.
+    if machine.enable_chain().is_some_and(|it| it.node == device) {
+        suspects.extend(0..machine.drives.len());
+    }
 }
 
 /// Which devices may be to blame for what happened: `None`, anything may.
