@@ -187,7 +187,8 @@ fn a_program_that_begins_at_a_line_waits_for_cycle_start() {
     go(&mut rig, Command::Run { from_line: Some(4) });
     go(&mut rig, Command::Enable);
     go(&mut rig, Command::CycleStart);
-    let refused = rig.refused.drain(..).last().expect("it is refused").reason;
+    let refused = std::mem::take(&mut rig.refused).pop();
+    let refused = refused.expect("it is refused").reason;
     let is_named = matches!(refused, Refusal::NotAtLine { line: 4 });
     assert!(is_named, "{refused}");
     // A stop gives it up, and nothing was switched.
@@ -479,10 +480,10 @@ fn a_console_tells_what_it_leaves_undone_as_it_switches_off() {
     let folder = Folder::new();
     let machine = folder.file("machine.toml", &machine_with("xyz", &[]));
     let lines = "jog X+1\nmdi G0 X3\nmdi (MSG, the last) G0 X4\n";
-    let told = console_by_lines(&machine, &format!("{lines}switch_off\n"));
+    let told = console_by_lines(&machine, format!("{lines}switch_off\n"));
     let undone = "not done, as `switch_off` came before it: mdi";
     assert!(told.contains(undone), "{told}");
-    let told = console_by_lines(&machine, &format!("{lines}wait\nswitch_off\n"));
+    let told = console_by_lines(&machine, format!("{lines}wait\nswitch_off\n"));
     assert!(
         told.contains("the last") && !told.contains("not done"),
         "{told}"
