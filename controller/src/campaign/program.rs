@@ -45,13 +45,7 @@ const PARTS: [(u32, Part); 16] = [
 
 /// Random programs for a machine.
 pub(super) fn draw(dice: &mut Dice, machine: &MachineSpec) -> Vec<String> {
-    let mut writer = Writer {
-        at: on_path(machine).map(rest).collect(),
-        axes: on_path(machine).cloned().collect(),
-        lines: vec![BEGINS.to_owned()],
-        labels: 0,
-        dice: Dice::new(dice.seed(), 0),
-    };
+    let mut writer = Writer::new(Dice::new(dice.seed(), 0), machine);
     let mut weights = PARTS.map(|(weight, _)| weight);
     // Each program is rich in some things and has none of others.
     for weight in &mut weights {
@@ -77,13 +71,7 @@ pub(super) fn special(dice: &mut Dice, machine: &MachineSpec) -> Option<Vec<Stri
     if !dice.chance(if is_wired { 0.7 } else { 0.15 }) {
         return None;
     }
-    let mut writer = Writer {
-        at: on_path(machine).map(rest).collect(),
-        axes: on_path(machine).cloned().collect(),
-        lines: vec![BEGINS.to_owned()],
-        labels: 0,
-        dice: dice.clone(),
-    };
+    let mut writer = Writer::new(dice.clone(), machine);
     for _ in 0..writer.dice.whole(1..=6) {
         writer.feed();
         match writer.dice.below(3) {
@@ -104,13 +92,7 @@ pub(super) fn shifted(dice: &mut Dice, machine: &MachineSpec) -> Option<Vec<Stri
     if !dice.chance(0.3) || !on_path(machine).all(has_room) {
         return None;
     }
-    let mut writer = Writer {
-        at: on_path(machine).map(rest).collect(),
-        axes: on_path(machine).cloned().collect(),
-        lines: vec![BEGINS.to_owned()],
-        labels: 0,
-        dice: dice.clone(),
-    };
+    let mut writer = Writer::new(dice.clone(), machine);
     writer.feed();
     let none = vec![0.0; writer.axes.len()];
     writer.go_shifted(&none, true);
@@ -247,6 +229,17 @@ struct Writer {
 }
 
 impl Writer {
+    /// At the beginning of a program.
+    fn new(dice: Dice, machine: &MachineSpec) -> Self {
+        Self {
+            dice,
+            axes: on_path(machine).cloned().collect(),
+            at: on_path(machine).map(rest).collect(),
+            lines: vec![BEGINS.to_owned()],
+            labels: 0,
+        }
+    }
+
     fn push(&mut self, line: impl Into<String>) {
         self.lines.push(line.into());
     }
