@@ -52,8 +52,8 @@ impl<const N: usize> Controller<N> {
             self.executor.feed_hold();
         }
         let taken = self.executor.jog(jog, &travel);
-        if let (Ok(()), Some((axis, end))) = (taken, towards(jog, &travel)) {
-            self.jogs_towards[axis] = Some(end);
+        if let (Ok(()), Some((axis, end, sign))) = (taken, towards(jog, &travel)) {
+            self.jogs_towards[axis] = Some((end, sign));
         }
         match (taken, jog) {
             (Ok(()), Jog::Continuous { axis, .. }) => self.renew_jog(axis),
@@ -75,14 +75,12 @@ impl<const N: usize> Controller<N> {
     pub(super) fn tell_travel_ends(&mut self) {
         for axis in 0..self.axes.len() {
             let at = self.axes[axis].coordinate();
-            let Some(end) = self.jogs_towards[at] else {
+            let Some((end, sign)) = self.jogs_towards[at] else {
                 continue;
             };
             let there = self.executor.jogged_to(at);
-            // One that stood there is not jogged at all.
-            let here = self.executor.setpoint().position[at];
-            let stood = (here - end).abs() <= self.layout.axes[axis].limits.standstill;
-            if there == Some(end) || (stood && !self.executor.is_jogged()) {
+            // One that stood there may be beyond, by its encoder's noise.
+            if there.is_some_and(|there| (there - end) * sign >= 0.0) {
                 let referenced = self.axes[axis].is_referenced();
                 self.tell(Event::TravelEnds {
                     axis,
@@ -111,13 +109,16 @@ impl<const N: usize> Controller<N> {
     }
 }
 
-/// The axis that a jog moves by a distance, or on and on, and where its travel ends in that direction.
-fn towards<const N: usize>(jog: Jog<N>, travel: &[Option<Travel>; N]) -> Option<(usize, f64)> {
+/// The axis that a jog moves by a distance, or on and on, where its travel ends in that direction, and which that is, 1 or -1.
+fn towards<const N: usize>(jog: Jog<N>, travel: &[Option<Travel>; N]) -> Option<(usize, f64, f64)> {
     let (axis, by) = match jog {
         Jog::Continuous { axis, velocity } => (axis, velocity),
         Jog::Step { axis, distance, .. } => (axis, distance),
         Jog::To(_) | Jog::Line { .. } => return None,
     };
     let PositionLimits { min, max } = travel.get(axis).copied().flatten()?.bounds;
-    Some((axis, if by > 0.0 { max } else { min }))
+    Some(match by > 0.0 {
+        true => (axis, max, 1.0),
+        false => (axis, min, -1.0),
+    })
 }

@@ -284,8 +284,8 @@ pub struct Controller<const N: usize> {
     executor: Executor<N>,
     /// By coordinate: in which cycle its continuous jog ends unless it is renewed.
     jogs_until: [u64; N],
-    /// By coordinate: where the travel of an axis ends in the direction of its last jog, until that is over.
-    jogs_towards: [Option<f64>; N],
+    /// By coordinate: where the travel of an axis ends in the direction of its last jog, 1 or -1, until that is over.
+    jogs_towards: [Option<(f64, f64)>; N],
     shaping: Shaping<N>,
     /// The plan, shaped, at the setpoint that the next SYNC latches.
     planned: Setpoint<N>,

@@ -267,6 +267,26 @@ proptest! {
     }
 }
 
+/// Also an axis says so that stands there already, or beyond it by its encoder's noise.
+#[test]
+fn a_jog_that_has_no_way_to_go_says_so() {
+    let folder = Folder::new();
+    let day = folder.file("day.csv", "t_s,event,value\n,jog,Z+5\n");
+    for start in ["0.0", "0.005"] {
+        let mut command = syncline();
+        command.arg("validate").arg(folder.machine("portal"));
+        command.arg("--set").arg(format!(
+            "axis.Z.simulation={{ motor = \"generic-3\", start = {start} }}"
+        ));
+        let output = command.arg("--events").arg(&day).output().unwrap();
+        let (code, told, errors) = ended(&output);
+        assert_eq!(code, 0, "{told}{errors}");
+        let text = format!("{told}{errors}");
+        let times = text.matches("axis Z stops at its soft limit").count();
+        assert_eq!(times, 1, "{start}: {text}");
+    }
+}
+
 /// Keys on a terminal: in a hold, and at a program stop.
 #[test]
 fn arrows_and_page_keys() {
