@@ -81,7 +81,7 @@ type Stage = fn(&mut State, &Block, &mut Words, &mut VecDeque<Action>) -> Result
 pub(crate) const STAGES: [(Stage, Things); 14] = [
     (
         |it, _, words, _| it.end_compensation_by(words),
-        Things::NONE,
+        Things::IN_CONTOUR,
     ),
     (|it, _, words, _| it.only_nurbs(words), Things::NURBS),
     (

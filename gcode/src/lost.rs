@@ -483,8 +483,12 @@ impl State {
             | Things::CYCLE_RETURN
             | Things::WORK_OFFSET
             | Things::TURNING;
-        self.know_feed(words);
-        self.know_spindle(words);
+        let [feed_mode, surface] = [
+            (Group::FeedMode, Things::FEED_MODE),
+            (Group::SpindleMode, Things::SURFACE),
+        ];
+        self.know_in_mode(words, feed_mode, (b'F', Things::FEED));
+        self.know_in_mode(words, surface, (b'S', Things::SPEED));
         self.know_tool(words);
         self.know_offsets(words);
         self.know_compensation(words);
@@ -512,34 +516,24 @@ impl State {
         !steps.all(|it| matches!(it.operation, Operation::Number(number) if number <= 5000.0))
     }
 
-    fn know_feed(&mut self, words: &Words) {
+    /// What a letter gives in a mode, which has a group of its own: one of another mode is none in this.
+    fn know_in_mode(
+        &mut self,
+        words: &Words,
+        (group, mode): (Group, Things),
+        (letter, given): (u8, Things),
+    ) {
         let lost = &mut self.lost;
-        if words.code(Group::FeedMode).is_some() {
-            // F of another mode is none in this.
-            if lost.has(Things::FEED_MODE) {
-                lost.lose(Things::FEED);
+        if words.code(group).is_some() {
+            if lost.has(mode) {
+                lost.lose(given);
             }
-            lost.find(Things::FEED_MODE);
+            lost.find(mode);
         }
-        if lost.letters.has(b'F') {
-            lost.lose(Things::FEED);
-        } else if words.has(b'F') && !lost.has(Things::FEED_MODE) {
-            lost.find(Things::FEED);
-        }
-    }
-
-    fn know_spindle(&mut self, words: &Words) {
-        let lost = &mut self.lost;
-        if words.code(Group::SpindleMode).is_some() {
-            if lost.has(Things::SURFACE) {
-                lost.lose(Things::SPEED);
-            }
-            lost.find(Things::SURFACE);
-        }
-        if lost.letters.has(b'S') {
-            lost.lose(Things::SPEED);
-        } else if words.has(b'S') && !lost.has(Things::SURFACE) {
-            lost.find(Things::SPEED);
+        if lost.letters.has(letter) {
+            lost.lose(given);
+        } else if words.has(letter) && !lost.has(mode) {
+            lost.find(given);
         }
     }
 

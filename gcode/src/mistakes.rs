@@ -299,12 +299,9 @@ impl State {
     fn lose_stage(&mut self, index: usize, words: &Words) {
         let set = Things::set_by_words(words) | Things::NURBS;
         let leads = matches!(words.code(Group::Offsets), Some(Code::G(280 | 282 | 300)));
-        let things = match index {
-            0 => Things::IN_CONTOUR,
-            _ => STAGES[index].1,
-        };
+        let things = STAGES[index].1;
         self.lost.lose(things & set);
-        if leads && (index == 0 || things.contains(Things::TABLE)) {
+        if leads && things.contains(Things::TABLE) {
             self.lost.lose_axes();
         }
         if index + 1 == STAGES.len() {
