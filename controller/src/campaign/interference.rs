@@ -529,7 +529,16 @@ pub(super) fn be_strange(
     }
     let at = When::draw(dice, cycles);
     let (device, what) = strange(dice, machine);
-    let is_cut = what.kind() == "frames cut short";
+    let is_cut = matches!(
+        what,
+        Interference::Bus(
+            _,
+            ToBus::Incoming(Tampering {
+                change: Change::Cut(_),
+                ..
+            })
+        )
+    );
     let end = what.end();
     troubles.push(Trouble { at, what });
     if let Some(end) = end {
@@ -761,7 +770,7 @@ impl Port for TroubledPort {
             });
         }
         for mut received in came {
-            let (frame, is_ours) = (received.frame, !received.echo);
+            let (frame, came_in) = (received.frame, !received.echo);
             for _ in 0..self.tamper(&mut received) {
                 sink(received);
             }
@@ -772,7 +781,7 @@ impl Port for TroubledPort {
                 Traffic::Sdo,
             ];
             if let Some((node, count)) = &mut self.second
-                && is_ours
+                && came_in
                 && kinds.iter().any(|kind| kind.matches(*node, &frame))
                 && take_one(count)
             {

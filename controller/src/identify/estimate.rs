@@ -455,7 +455,7 @@ fn sampled(samples: &[AxisSample], shaft: &Shaft) -> Result<Vec<Sample>, NotEsti
     let Shaft { cycle, radians, .. } = *shaft;
     let mut motion: Vec<Sample> = Vec::with_capacity(samples.len());
     let mut last: Option<f64> = None;
-    let mut gaps = Vec::new();
+    let (mut gaps, mut first_gap) = (0, None);
     for sample in samples {
         let Some(torque) = sample.torque.mean else {
             continue;
@@ -477,7 +477,8 @@ fn sampled(samples: &[AxisSample], shaft: &Shaft) -> Result<Vec<Sample>, NotEsti
         let mut unknown = 0.0;
         if whole > BRIDGED {
             unknown = f64::NAN;
-            gaps.push(sample.time);
+            gaps += 1;
+            first_gap.get_or_insert(sample.time);
         }
         for step in 1..whole as usize {
             let part = step as f64 / whole;
@@ -491,8 +492,8 @@ fn sampled(samples: &[AxisSample], shaft: &Shaft) -> Result<Vec<Sample>, NotEsti
         motion.push(next);
     }
     // Times in another unit have a gap behind each sample.
-    match gaps.first() {
-        Some(&time) if 2 * gaps.len() > samples.len() => Err(NotEstimated::Times { time, cycle }),
+    match first_gap {
+        Some(time) if 2 * gaps > samples.len() => Err(NotEstimated::Times { time, cycle }),
         _ => Ok(motion),
     }
 }

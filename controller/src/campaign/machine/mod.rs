@@ -417,16 +417,24 @@ impl MachineSpec {
         self.take_if_it_fits(homed);
     }
 
-    /// Has sides of gantries stand apart, and some be taken square by a homing.
-    fn square(&mut self, dice: &mut Dice) {
+    /// Changes one axis after the other, each where the machine is still good with it.
+    fn change_each(&mut self, mut change: impl FnMut(&mut AxisSpec)) {
         for place in 0..self.axes.len() {
             let mut with = self.clone();
-            let asked = dice.chance(0.7);
-            if asked && self.axes[place].drives.len() == 2 {
-                with.axes[place].home_gantry(dice);
+            change(&mut with.axes[place]);
+            if with.axes[place] != self.axes[place] {
                 self.take_if_it_fits(with);
             }
         }
+    }
+
+    /// Has sides of gantries stand apart, and some be taken square by a homing.
+    fn square(&mut self, dice: &mut Dice) {
+        self.change_each(|axis| {
+            if dice.chance(0.7) && axis.drives.len() == 2 {
+                axis.home_gantry(dice);
+            }
+        });
     }
 
     /// Has drives of some machines home by themselves.
@@ -434,16 +442,13 @@ impl MachineSpec {
         if !dice.chance(0.15) {
             return;
         }
-        for place in 0..self.axes.len() {
-            let mut with = self.clone();
-            let axis = &mut with.axes[place];
+        self.change_each(|axis| {
             // What searches for switches has nothing else wired to where these come in.
             let is_alone = axis.drives.len() == 1 && axis.drives[0].wires.is_empty();
             if dice.chance(0.6) && is_alone && axis.homing.is_none() {
                 axis.home_by_drive(dice);
-                self.take_if_it_fits(with);
             }
-        }
+        });
     }
 
     /// Has some of those that are homed by a switch take the index behind it.
@@ -457,20 +462,12 @@ impl MachineSpec {
 
     /// Has the drives of some axes be sent the torque that the plan takes, where they can and the buses have room for it.
     fn send_torques(&mut self, dice: &mut Dice) {
-        for place in 0..self.axes.len() {
-            let mut with = self.clone();
-            with.axes[place].send_torques(dice);
-            self.take_if_it_fits(with);
-        }
+        self.change_each(|axis| axis.send_torques(dice));
     }
 
     /// Has weights pull at some axes, and guides of some be thick with grease.
     fn weigh(&mut self, dice: &mut Dice) {
-        for place in 0..self.axes.len() {
-            let mut with = self.clone();
-            with.axes[place].weigh(dice);
-            self.take_if_it_fits(with);
-        }
+        self.change_each(|axis| axis.weigh(dice));
     }
 
     /// Has transmissions of some machines be off, and setpoints be corrected, by no more than leaves the plan enough of the limits.
@@ -500,13 +497,11 @@ impl MachineSpec {
         if !dice.chance(0.2) {
             return;
         }
-        for place in 0..self.axes.len() {
-            let mut with = self.clone();
+        self.change_each(|axis| {
             if dice.chance(0.6) {
-                with.axes[place].warm(dice);
-                self.take_if_it_fits(with);
+                axis.warm(dice);
             }
-        }
+        });
     }
 
     /// Has beams tie the sides of some gantries together.
@@ -516,13 +511,11 @@ impl MachineSpec {
         let carriages = linear.map(|it| (it.letter, it.soft_limits[1] - it.soft_limits[0]));
         let carriages: Vec<(char, f64)> =
             carriages.filter(|(_, travel)| *travel < WIDEST).collect();
-        for place in 0..self.axes.len() {
-            let mut with = self.clone();
-            if dice.chance(0.5) && with.axes[place].drives.len() == 2 {
-                with.axes[place].tie(dice, &carriages);
-                self.take_if_it_fits(with);
+        self.change_each(|axis| {
+            if dice.chance(0.5) && axis.drives.len() == 2 {
+                axis.tie(dice, &carriages);
             }
-        }
+        });
     }
 
     /// Has some shapers shape all moves by the one method or by the other.
