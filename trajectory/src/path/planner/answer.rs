@@ -14,7 +14,6 @@ use super::{
 use crate::path::brake::brake;
 use crate::path::override_transition::{attempts, minima};
 use crate::path::plan::follow;
-use crate::path::window::MOST_WORK;
 use crate::path::{Command, PathSegment, PathState, ReplanGoal, ReplanRequest};
 
 /// States of the last plan from which a stop is tried, and the time between them, s.
@@ -29,7 +28,7 @@ impl<const N: usize> Planner<N> {
     pub fn replan(&mut self, request: &ReplanRequest) -> bool {
         let news = request.revision > self.revision;
         if news {
-            self.window.grant(MOST_WORK);
+            self.window.grant(self.most_work);
             self.answer(request);
         }
         news
@@ -88,7 +87,6 @@ impl<const N: usize> Planner<N> {
         self.cursor = Cursor {
             item,
             departure,
-            sent: f64::NEG_INFINITY,
             rest: departure.distance,
             halvings: ANSWER_HALVINGS,
             ..Cursor::default()

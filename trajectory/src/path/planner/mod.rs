@@ -85,6 +85,8 @@ pub struct Planner<const N: usize> {
     /// Time that is planned beyond what is final, and in all, s of travel at the programmed feed.
     lookahead: f64,
     horizon: f64,
+    /// What planning may take until there is a command, cells times Newton steps.
+    most_work: usize,
     position: [f64; N],
     /// What moves become within their tolerances.
     joiner: Joiner<N>,
@@ -172,8 +174,8 @@ struct Cursor {
     step: u64,
     /// The section was announced.
     begun: bool,
-    /// Up to where path segments were handed over.
-    sent: f64,
+    /// Where the last path segment that was handed over begins.
+    sent: Option<f64>,
     /// Where the last window came to rest.
     rest: f64,
     /// There the executor holds.
@@ -228,6 +230,7 @@ impl<const N: usize> Planner<N> {
             limits,
             lookahead,
             horizon: lookahead + lookahead.max(LEAST_TRAVEL),
+            most_work: MOST_WORK,
             position,
             joiner: Joiner::new(limits),
             shaped: None,
@@ -368,7 +371,7 @@ impl<const N: usize> Planner<N> {
     /// items, or [`finish`](Self::finish).
     pub fn pop(&mut self) -> Option<Command<N>> {
         if self.out.is_empty() {
-            self.window.grant(MOST_WORK);
+            self.window.grant(self.most_work);
             self.plan_on();
         }
         self.out.pop_front()

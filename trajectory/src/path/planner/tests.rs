@@ -2,6 +2,8 @@
 
 use std::mem::take;
 
+use proptest::prelude::*;
+
 use super::windows::CREDIT;
 use super::*;
 use crate::path::{Curve, Executor, Feed, Move, PathControlMode, Plane, curve::ArcDefinition};
@@ -222,4 +224,95 @@ fn a_path_that_is_not_worth_the_work_is_crawled_along() {
         effort.work < CREDIT + CREDIT / 10 && left < 1e-9,
         "{effort:?}, {left} mm left"
     );
+}
+
+/// Goes block by block along lines that come one every `every` cycles, and leaves each hold at once. Whatever the plan goes along
+/// has to be handed over with it.
+fn block_by_block(
+    points: &[[f64; 3]],
+    modes: &[PathControlMode],
+    feed: f64,
+    every: u64,
+    crawls: bool,
+) -> Result<(), TestCaseError> {
+    let mut planner = Planner::new(LIMITS, points[0]);
+    if crawls {
+        planner.most_work = 0;
+    }
+    let mut executor = Executor::new(points[0], 0.004);
+    executor.set_single_block(true);
+    let mut lines = points.windows(2).enumerate();
+    let (mut laid, mut end) = (0.0, 0.0);
+    // What is crawled along may take longer.
+    for cycle in 0..20_000 {
+        if cycle % every == 0 {
+            match lines.next() {
+                Some((tag, ends)) => {
+                    let motion = Move {
+                        curve: Curve::line(ends[0], ends[1]).expect("points apart"),
+                        feed: Feed::Rate(feed),
+                        mode: modes[tag],
+                        tag: tag as u32,
+                    };
+                    planner.push(PathItem::Move(motion)).expect("it leads on");
+                }
+                None => planner.finish(),
+            }
+        }
+        if executor.is_held() && executor.setpoint().speed == 0.0 {
+            executor.resume();
+        }
+        if let Some(request) = executor.replan_request() {
+            planner.replan(&request);
+        }
+        while executor.room() > 0
+            && let Some(command) = planner.pop()
+        {
+            match command {
+                Command::Section { .. } => laid = 0.0,
+                Command::PathSegment(it) => laid = it.start + it.curve.length(),
+                Command::JerkSegment(segment) => end = segment.end(),
+                Command::Commit => {
+                    prop_assert!(end <= laid + NOTHING, "to {end} along {laid} mm");
+                }
+                _ => {}
+            }
+            prop_assert!(executor.accept(command));
+        }
+        executor.advance();
+        let (at, last) = (executor.setpoint().position, points[points.len() - 1]);
+        let off = at.iter().zip(last).map(|(at, last)| (at - last).abs());
+        if lines.len() == 0 && off.fold(0.0, f64::max) < NOTHING {
+            break;
+        }
+    }
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Also where the path is known to the end of a rounding, and what comes behind it begins there but for rounding.
+    #[test]
+    fn what_a_plan_goes_along_is_handed_over(
+        steps in prop::collection::vec(
+            ([-1.0..1.0_f64, -1.0..1.0_f64], -3.0..0.0_f64, any::<bool>()), 2..8),
+        feed in 1.0..50.0_f64,
+        tolerance in -4.0..-0.3_f64,
+        every in 1..1000_u64,
+        crawls in prop::bool::weighted(0.8),
+    ) {
+        let (mut at, tolerance) = ([0.0; 3], 10_f64.powf(tolerance));
+        let (mut points, mut modes) = (vec![at], Vec::new());
+        for ([x, y], decades, rests) in steps {
+            let length = 10_f64.powf(decades);
+            at = [at[0] + x * length, at[1] + y * length + 1e-3, 0.0];
+            points.push(at);
+            modes.push(match rests {
+                true => PathControlMode::Stop,
+                false => PathControlMode::Blend(tolerance),
+            });
+        }
+        block_by_block(&points, &modes, feed, every, crawls)?;
+    }
 }

@@ -442,10 +442,14 @@ impl Found {
             out.push_back(Command::ReplaceTail(step));
             cursor.step = step;
         }
+        // What begins where the path was known to end is at one place with that rest but for rounding.
         let path_segments = section.from(self.begin).iter();
-        let path_segments = path_segments.filter(|s| s.start >= cursor.sent && s.start < rest);
-        out.extend(path_segments.copied().map(Command::PathSegment));
-        cursor.sent = cursor.sent.max(rest);
+        for path_segment in path_segments.take_while(|s| s.start < rest) {
+            if cursor.sent.is_none_or(|last| path_segment.start > last) {
+                out.push_back(Command::PathSegment(*path_segment));
+                cursor.sent = Some(path_segment.start);
+            }
+        }
         let ahead = self
             .ahead
             .iter()
