@@ -162,6 +162,15 @@ impl World {
         }
     }
 
+    /// Somebody brings what a device moves by hand so many revolutions of its shaft further, where it stays. Nothing at a
+    /// device that has no shaft, nor at a [follower](Ties::follow), which goes with its leader.
+    pub fn displace(&mut self, device: DeviceId, by: f64) {
+        if let Some(shaft) = self.device_mut(device).shaft_mut() {
+            shaft.displace(by);
+        }
+        self.couplings.displace(device, by);
+    }
+
     /// Pushes from now on at what a device moves, with a torque in N·m at its shaft; nothing at one that has no shaft.
     pub fn push(&mut self, device: DeviceId, torque: f64) {
         if let Some(shaft) = self.device_mut(device).shaft_mut() {

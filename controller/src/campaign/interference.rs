@@ -33,6 +33,11 @@ pub enum Interference {
     Drive(usize, ToDrive),
     /// The coupling of an encoder slips by so many revolutions.
     Slip(usize, f64),
+    /// Somebody brings an axis whose drives are off by hand to where it may be enabled: inside its soft limits, with its sides
+    /// together.
+    Align(usize),
+    /// What was wrong is mended: nothing more comes of it once the machine has been started anew.
+    Mended,
     /// A bus.
     Bus(usize, ToBus),
     /// The cycle's next wake-up comes so many µs late.
@@ -75,6 +80,8 @@ pub enum ToDrive {
     Vendor(u32),
     /// It refuses that this object, index and sub-index, is written.
     Refuse(u16, u8),
+    /// It lets every object be written again.
+    Accept,
 }
 
 /// What happens to a bus, at the controller's end of it.
@@ -192,6 +199,7 @@ impl ToDrive {
             Self::Refuse(index, sub) => {
                 Disturbance::RefuseWrite(Address::new(index, sub), AbortCode::ReadOnly)
             }
+            Self::Accept => Disturbance::AcceptWrites,
         }
     }
 
@@ -220,12 +228,18 @@ impl Interference {
     }
 
     /// What has to be done about it before the machine can be enabled again, if nothing else ends it: it has to be
-    /// ended, or a drive with a fatal error to be switched off and on.
-    pub(super) fn remedy(&self) -> Option<Self> {
+    /// ended, a drive with a fatal error to be switched off and on, a device to be exchanged for the right one.
+    pub(super) fn remedy(&self, machine: &MachineSpec) -> Option<Self> {
         match *self {
             Self::Drive(drive, ToDrive::Error(class)) if class > 3 => {
                 Some(Self::Drive(drive, ToDrive::Reset))
             }
+            Self::Drive(device, ToDrive::Vendor(_)) => {
+                let own = ToDrive::Vendor(machine.vendor(device));
+                Some(Self::Drive(device, own))
+            }
+            Self::Drive(device, ToDrive::Refuse(..)) => Some(Self::Drive(device, ToDrive::Accept)),
+            Self::Slip(encoder, by) => Some(Self::Slip(encoder, -by)),
             _ => self.end(),
         }
     }
@@ -262,6 +276,7 @@ impl Interference {
                 ToDrive::FoundEnabled => "power stage found on",
                 ToDrive::Vendor(_) => "another maker's device",
                 ToDrive::Refuse(..) => "an SDO write refused",
+                ToDrive::Accept => "SDO writes taken again",
             },
             Self::Bus(_, what) => match what {
                 ToBus::DropBursts(_) => "bursts dropped",
@@ -282,6 +297,8 @@ impl Interference {
                 ToBus::Nmt(..) => "NMT command of another master",
                 ToBus::SecondNode(..) => "second node with the same id",
             },
+            Self::Align(_) => "axis brought in place by hand",
+            Self::Mended => "all mended",
             Self::Slip(..) => "coupling of an encoder slips",
             Self::Late(_) => "wake-up late",
             Self::StarvePlanner(_) => "planner starved",
@@ -343,6 +360,15 @@ pub(super) fn of_kind(dice: &mut Dice, machine: &MachineSpec, kind: &str) -> Opt
     });
     let mut drawn = drawn.filter(|what| what.kind() == kind);
     drawn.next()
+}
+
+/// Any one, of those that come at any time and of those that few machines have.
+#[cfg(test)]
+pub(super) fn one(dice: &mut Dice, machine: &MachineSpec) -> Interference {
+    match dice.below(3) {
+        0 => strange(dice, machine).1,
+        _ => any(dice, machine),
+    }
 }
 
 fn any(dice: &mut Dice, machine: &MachineSpec) -> Interference {
@@ -662,6 +688,15 @@ impl TroubledPort {
             ToBus::Nmt(command, node) => self.nmt = Some(Frame::new(CobId::NMT, &[command, node])),
             ToBus::SecondNode(node, count) => self.second = Some((node, count)),
         }
+    }
+
+    /// Nothing happens to it any more. What waits to be sent or handed on is so with the next.
+    pub(super) fn mend(&mut self) {
+        (self.drop_bursts, self.delay_bursts, self.tear_bursts) = (0, 0, 0);
+        (self.lose_syncs, self.unplugged) = (0, 0);
+        self.condition = None;
+        self.tampering.clear();
+        (self.intruder, self.nmt, self.second) = (None, None, None);
     }
 
     fn check(&self) -> Result<(), PortError> {

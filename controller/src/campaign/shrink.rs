@@ -107,6 +107,11 @@ fn without_axis(case: &mut Case, axis: usize) {
     }
     case.deeds.retain(|deed| !names(deed, letter));
     case.troubles.retain_mut(|Trouble { what, .. }| match what {
+        Interference::Align(aligned) if *aligned == axis => false,
+        Interference::Align(aligned) => {
+            *aligned -= usize::from(*aligned > axis);
+            true
+        }
         Interference::Drive(device, _) | Interference::Slip(device, _) => {
             let place = left.iter().position(|it| Some(it) == before.get(*device));
             *device = place.unwrap_or_default();

@@ -25,12 +25,18 @@ use std::{env, fs, io, process};
 use syncline_canopen::Instant;
 use syncline_canopen::time::Duration;
 use syncline_drives::bus::Transmission;
+use syncline_drives::model::Increments;
 use syncline_drives::twin::Observation;
 use syncline_drives::world::{DeviceId, Observer};
 use syncline_gcode::AxisLetter;
 
 /// A machine that is not ready after so long is switched off, and so is one that comes up and down.
 const NOT_READY: Duration = Duration::from_secs(20);
+
+/// Who brings an axis in place by hand leaves it so much of its travel inside of its soft limits, and bothers with a gantry whose
+/// sides are off their middle by so much of what they may be apart.
+const INSIDE: f64 = 0.01;
+const ALIGNED: f64 = 0.25;
 
 /// How long a machine may take to go off, with drives that answer nothing.
 const GOES_OFF: Duration = Duration::from_secs(60);
@@ -140,6 +146,7 @@ type Frames = Arc<Mutex<Vec<(usize, Transmission)>>>;
 /// A case that is being played.
 struct Stage<'a> {
     case: &'a Case,
+    machine: &'a Machine,
     folder: Folder,
     session: Session<VirtualMachine<TroubledPort>>,
     operators: Vec<Operator>,
@@ -193,7 +200,7 @@ pub fn play(
 impl<'a> Stage<'a> {
     fn new(
         case: &'a Case,
-        machine: &Machine,
+        machine: &'a Machine,
         layout: &Arc<Layout>,
         wanted: Wanted,
     ) -> Result<Self, Box<dyn Error>> {
@@ -243,6 +250,7 @@ impl<'a> Stage<'a> {
             told,
             session,
             case,
+            machine,
             folder,
             frames,
             twins: simulated.devices.into_iter().flatten().collect(),
@@ -358,6 +366,43 @@ impl<'a> Stage<'a> {
         }
     }
 
+    /// Brings an axis to where it may be enabled, if it is not there and its drives are off; whether that was so.
+    fn align(&mut self, axis: usize) -> bool {
+        let Some(spec) = self.machine.axes.get(axis) else {
+            return false;
+        };
+        let status = self.session.status();
+        let shown = status.actual[spec.letter.index()];
+        let (least, most) = spec.limits.position;
+        let inset = INSIDE * (most - least);
+        let world = self.session.timeline().world();
+        let sides = spec.drives.iter().map(|&drive| {
+            let scaling = &self.machine.drives[drive].scaling;
+            let travel = scaling.travel_per_revolution();
+            let twin = *self.twins.get(drive)?;
+            let is = world.device(twin).observe();
+            let place = scaling.to_mm(Increments::ZERO) + is.position * travel;
+            (!is.is_powered).then_some((twin, place, travel))
+        });
+        let Some(sides) = sides.collect::<Option<Vec<_>>>() else {
+            return false;
+        };
+        let middle = sides.iter().map(|(_, place, _)| place).sum::<f64>() / sides.len() as f64;
+        let inside = match shown.is_finite() && !(least..=most).contains(&shown) {
+            true => shown.clamp(least + inset, most - inset) - shown,
+            false => 0.0,
+        };
+        let mut moved = false;
+        for (twin, place, travel) in sides {
+            let by = inside + middle - place;
+            if by.abs() > spec.limits.skew.map_or(0.0, |skew| ALIGNED * skew) {
+                world.displace(twin, by / travel);
+                moved = true;
+            }
+        }
+        moved
+    }
+
     /// What goes wrong before the next wake-up.
     fn interfere(&mut self, see: &mut dyn FnMut(Seen)) {
         let (on, since) = self.cycles();
@@ -375,6 +420,16 @@ impl<'a> Stage<'a> {
                 Interference::Slip(device, by) => {
                     if let Some(twin) = self.twins.get(*device) {
                         timeline.world().slip(*twin, *by);
+                    }
+                }
+                Interference::Align(axis) => {
+                    if !self.align(*axis) {
+                        continue;
+                    }
+                }
+                Interference::Mended => {
+                    for bus in 0..self.case.machine.buses.len() {
+                        timeline.bus(bus).mend();
                     }
                 }
                 Interference::Bus(bus, what) => {

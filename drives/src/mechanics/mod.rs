@@ -64,6 +64,15 @@ impl Motion {
             ..self
         }
     }
+
+    /// At rest, so many revolutions further.
+    #[must_use]
+    pub fn displaced(self, by: f64) -> Self {
+        Self {
+            position: self.position + by,
+            ..Self::default()
+        }
+    }
 }
 
 /// Masses, springs and friction behind one or several shafts.
@@ -71,4 +80,7 @@ pub trait Mechanics: Send {
     /// Lets `dt` seconds pass. Each shaft has its place in both slices; behind them `motions` has those
     /// of shafts that are only looked at.
     fn step(&mut self, dt: f64, loads: &[Load], motions: &mut [Motion]);
+
+    /// One of its shafts, by its place, was brought so many revolutions further by hand.
+    fn displaced(&mut self, _shaft: usize, _by: f64) {}
 }

@@ -295,6 +295,10 @@ impl Mechanics for RigidBeam {
         self.skew += 0.5 * (self.turning.dot(&before) + rate) * dt;
         self.skew_rate = rate;
     }
+
+    fn displaced(&mut self, shaft: usize, by: f64) {
+        self.skew += self.turning[shaft] * by * TAU;
+    }
 }
 
 /// [`reactions`] for matrices that are symmetric but for a little.

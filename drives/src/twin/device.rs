@@ -127,6 +127,8 @@ pub enum Disturbance {
     Remote(bool),
     /// SDO writes to this object are refused.
     RefuseWrite(Address, AbortCode),
+    /// SDO writes are let through again.
+    AcceptWrites,
     /// Whether a sensor wired to the digital input with this number, from 0, is on.
     Input(u8, bool),
     /// It is another maker's: 1018h:1.

@@ -176,6 +176,17 @@ impl Couplings {
         (self.followers.iter_mut()).filter(move |coupled| coupled.follower == follower)
     }
 
+    /// A shaft that mechanics move is so many revolutions further, and rests.
+    pub(super) fn displace(&mut self, device: DeviceId, by: f64) {
+        for coupling in &mut self.couplings {
+            let Some(shaft) = coupling.devices.iter().position(|it| *it == device) else {
+                continue;
+            };
+            coupling.motions[shaft] = coupling.motions[shaft].displaced(by);
+            coupling.mechanics.displaced(shaft, by);
+        }
+    }
+
     /// Moves coupled shafts from point to point of the grid, up to `until`.
     pub(super) fn move_until(&mut self, until: Instant, devices: &mut (impl Devices + ?Sized)) {
         while !self.is_empty() && self.next <= until {

@@ -6,6 +6,7 @@ use syncline_canopen::time::Duration;
 use syncline_canopen::{CobId, Frame, Instant};
 use syncline_drives::bus::{Band, BitRate, BusNode};
 use syncline_drives::mechanics::rigid::Rigid;
+use syncline_drives::mechanics::rigid_beam::{Beam, Racking, RigidBeam, Side};
 use syncline_drives::mechanics::touch_probe::{Solid, TouchProbe};
 use syncline_drives::mechanics::{Load, Mechanics, Motion};
 use syncline_drives::twin::servo::encoder::EncoderErrors;
@@ -254,6 +255,45 @@ fn what_follows_or_watches_a_drive_sees_it_on_the_grid() {
                 "{watched} {expected} at {t} s"
             );
         }
+    }
+}
+
+/// A shaft of its own, the sides of a beam, which is taken out of square, and an encoder that goes with what turns it.
+#[test]
+fn what_is_brought_elsewhere_by_hand_rests_there() {
+    let mut world = World::new();
+    let bus = world.add_bus(BitRate::from_kbit(1000).unwrap(), |_| ());
+    let [alone, one, other] = [1, 2, 3].map(|node| world.attach(bus, twin(node)));
+    let encoder = cia406::Twin::new(cia406::TwinConfig::new(id(4)));
+    let encoder = world.attach(bus, Box::new(encoder));
+    let side = Side {
+        travel: 0.02,
+        rigid: Rigid::default(),
+    };
+    let beam = Beam {
+        mass: 20.0,
+        inertia: 2.0,
+        span: 1.0,
+        racking: Racking {
+            stiffness: 1e4,
+            damping: 10.0,
+        },
+    };
+    let beam = RigidBeam::new(beam, [side.clone(), side]).unwrap();
+    world.ties().couple(beam, &[one, other], &[]);
+    world.ties().follow(encoder, alone, 0.5);
+    world.advance_to(Instant::ZERO);
+    world.advance_to(at(10_000));
+    world.displace(alone, 3.0);
+    world.displace(other, -0.001);
+    world.advance_to(at(200_000));
+    let expected = [(alone, 3.0), (one, 0.0), (other, -0.001), (encoder, 1.5)];
+    for (device, position) in expected {
+        let is = world.device(device).observe();
+        assert!(
+            (is.position - position).abs() < 1e-9 && is.velocity == 0.0,
+            "{is:?}, not {position}"
+        );
     }
 }
 

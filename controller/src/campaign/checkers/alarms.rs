@@ -46,13 +46,18 @@ fn suspects(scene: &Scene<'_>) -> Option<Vec<usize>> {
             Interference::Drive(device, _) | Interference::Slip(device, _) => {
                 suspect(scene, device, &mut suspects)
             }
+            Interference::Align(axis) => {
+                for device in &scene.machine.axes[axis].drives {
+                    suspect(scene, *device, &mut suspects);
+                }
+            }
             Interference::Bus(bus, _) => {
                 let nodes = scene.machine.nodes().enumerate();
                 for (device, _) in nodes.filter(|(_, node)| node.bus == bus) {
                     suspect(scene, device, &mut suspects);
                 }
             }
-            Interference::StarvePlanner(_) => {}
+            Interference::StarvePlanner(_) | Interference::Mended => {}
             // All drives miss a SYNC that comes late.
             Interference::Late(_) => return None,
         }
@@ -70,7 +75,7 @@ fn is_borne(scene: &Scene<'_>) -> bool {
     let mut lost = vec![0; machine.nodes().count()];
     let mut all = scene.interferences.iter();
     all.all(|(_, what)| match *what {
-        Interference::StarvePlanner(_) => true,
+        Interference::StarvePlanner(_) | Interference::Mended => true,
         Interference::Drive(device, ToDrive::Input(place, _)) => !stops(device, place),
         Interference::Drive(device, ToDrive::LoseTPdos(count)) => {
             lost.get_mut(device).is_some_and(|lost| {

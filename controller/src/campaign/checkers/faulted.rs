@@ -29,6 +29,8 @@ fn is_heard(scene: &Scene<'_>) -> bool {
         Interference::Bus(_, what) => matches!(what, ToBus::Nmt(..)),
         Interference::Drive(..)
         | Interference::Slip(..)
+        | Interference::Align(_)
+        | Interference::Mended
         | Interference::Late(_)
         | Interference::StarvePlanner(_) => true,
     })

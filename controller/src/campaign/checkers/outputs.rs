@@ -285,7 +285,7 @@ impl Outputs {
                 axes: &scene.case.machine.axes,
                 tolerances: scene.case.machine.tolerances,
                 is_program,
-                is_placed: is_program && !self.shifted,
+                is_placed: is_program && !self.shifted && !scene.is_misled,
             };
             Script::read(lines, &reading, left)
         });

@@ -458,7 +458,10 @@ impl Checker for Reactions {
                 self.late += f64::from(micros) * 1e-6;
                 return;
             }
-            Interference::Slip(..) | Interference::StarvePlanner(_) => return,
+            Interference::Slip(..)
+            | Interference::Align(_)
+            | Interference::Mended
+            | Interference::StarvePlanner(_) => return,
         };
         let machine = &scene.case.machine;
         match what {

@@ -94,12 +94,14 @@ pub struct Scene<'a> {
     pub commanded: Vec<f64>,
     /// Operators are shown that the axes are off the path.
     pub off_path: bool,
-    /// What happened from outside, and when.
+    /// What happened from outside, and when, that something may still come of.
     pub interferences: Vec<(Instant, Interference)>,
+    /// So many of these are mended, and whether the machine was started since.
+    mended: Option<(usize, bool)>,
     /// Whether nothing goes wrong in the case, as [`Case::is_untroubled`] has it.
     pub is_untroubled: bool,
-    /// Somebody has switched an input by which an axis is homed.
-    is_misled: bool,
+    /// Somebody has switched an input by which an axis is homed: where that is may be anywhere from then on.
+    pub is_misled: bool,
     /// A fault was told, and no reset since.
     pub faulted: bool,
     /// Which drive told its status by the last frame.
@@ -258,6 +260,7 @@ impl<'a> Scene<'a> {
             commanded: Vec::new(),
             off_path: false,
             interferences: Vec::new(),
+            mended: None,
             is_untroubled: case.is_untroubled(),
             is_misled: false,
             faulted: false,
@@ -386,9 +389,11 @@ impl<'a> Scene<'a> {
                 !matches!(what, ToDrive::LoseTPdos(_) | ToDrive::Input(..))
             }
             Interference::Bus(_, what) => matches!(what, ToBus::Incoming(_) | ToBus::Unplug(_)),
-            Interference::Slip(..) | Interference::Late(_) | Interference::StarvePlanner(_) => {
-                false
-            }
+            Interference::Slip(..)
+            | Interference::Align(_)
+            | Interference::Mended
+            | Interference::Late(_)
+            | Interference::StarvePlanner(_) => false,
         };
         let mut all = self.interferences.iter();
         all.any(|(at, what)| lasts(what) || self.since(*at) < seconds)
@@ -474,7 +479,11 @@ impl<'a> Scene<'a> {
         self.interferences.iter().all(|(_, what)| {
             matches!(
                 what,
-                Interference::Drive(..) | Interference::Slip(..) | Interference::StarvePlanner(_)
+                Interference::Drive(..)
+                    | Interference::Slip(..)
+                    | Interference::Align(_)
+                    | Interference::Mended
+                    | Interference::StarvePlanner(_)
             )
         })
     }
@@ -498,7 +507,9 @@ impl<'a> Scene<'a> {
         self.interferences.iter().all(|(_, what)| {
             matches!(
                 what,
-                Interference::StarvePlanner(_) | Interference::Drive(_, ToDrive::Input(..))
+                Interference::StarvePlanner(_)
+                    | Interference::Mended
+                    | Interference::Drive(_, ToDrive::Input(..))
             )
         })
     }
@@ -507,18 +518,35 @@ impl<'a> Scene<'a> {
         if let Interference::Drive(drive, ToDrive::Input(place, _)) = *what {
             self.is_misled |= (self.case.machine).has_wire(drive, place, Wire::is_home);
         }
+        if *what == Interference::Mended {
+            self.mended = Some((self.interferences.len(), false));
+        }
         self.interferences.push((self.now, what.clone()));
+    }
+
+    /// Forgets what was mended once the machine was started and is ready since.
+    fn forget(&mut self, state: State) {
+        match (&mut self.mended, state) {
+            (Some((_, is_started)), State::Starting) => *is_started = true,
+            (Some((count, true)), State::Ready) => {
+                self.interferences.drain(..*count);
+                self.mended = None;
+            }
+            _ => {}
+        }
     }
 
     pub(super) fn told(&mut self, event: &Event) {
         match event {
             Event::State(state) => {
+                self.forget(*state);
                 self.state = *state;
                 self.state_since = self.now;
                 for axis in 0..self.machine.axes.len() {
                     let begins = *state == State::Homing && self.is_homed_by_drive(axis);
                     let goes_on = *state == State::Stopping && self.homes_by_itself[axis];
                     self.homes_by_itself[axis] = begins || goes_on;
+                    self.cut_off[axis] |= goes_on;
                 }
             }
             Event::Machine(control::Event::Referenced {
@@ -570,17 +598,24 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// A drive whose homing was cut off beyond its limit switch says so, as it does of an error that somebody gave it.
+    /// A drive whose homing was cut off beyond its limit switch says so, as it does of an error that somebody gave it; and one comes there
+    /// whose axis was set elsewhere than it stands.
     fn stopped_on_its_switch(&mut self, fault: &Fault) {
         if let Fault::Device(drive, DeviceCause::Emergency { emergency }) = fault
             && let Some(spec) = self.machine.drives.get(*drive)
-            && self.cut_off[spec.axis]
+            && (self.cut_off[spec.axis] || self.is_set_elsewhere(spec.axis))
             && emergency.vendor[3..] == LIMIT_SWITCH
         {
             let error = Interference::Drive(*drive, ToDrive::Error(1));
             self.interferences.push((self.now, error));
             self.is_untroubled = false;
         }
+    }
+
+    /// Whether somebody has set an axis where it stood, and that was not there.
+    fn is_set_elsewhere(&self, axis: usize) -> bool {
+        let drive = self.machine.axes[axis].drives[0];
+        self.set_off[axis].abs() > SWAYS * self.machine.drives[drive].scaling.resolution()
     }
 
     pub(super) fn woken(&mut self, woken: &Woken) {

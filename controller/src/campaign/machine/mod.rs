@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
 use std::path::Path;
 use std::time::Duration;
-use syncline_drives::model::{MODELS, Setpoints};
+use syncline_drives::model::{Address, MODELS, Setpoints};
 use wires::{INPUTS, Meanings, NUMBER, OUTPUTS};
 
 /// Letters of axes, in the order in which a small machine has them.
@@ -67,6 +67,9 @@ const DRAWS: usize = 40;
 
 /// The greatest travel of a carriage that runs along a beam, mm.
 const WIDEST: f64 = 5000.0;
+
+/// The object that says who made a device.
+const VENDOR: Address = Address::new(0x1018, 1);
 
 /// Errors of a transmission are halved as often, until they leave the plan enough.
 const HALVINGS: u32 = 8;
@@ -700,6 +703,17 @@ impl MachineSpec {
         drives
             .chain(encoders)
             .chain(self.io_nodes.iter().map(|io| (io.bus, io.node)))
+    }
+
+    /// The vendor id that a device has to have; 0 where any may.
+    pub(super) fn vendor(&self, device: usize) -> u32 {
+        let Ok(machine) = self.machine() else {
+            return 0;
+        };
+        let device = machine.device(device);
+        let mut identity = device.spec().identity.iter();
+        let vendor = identity.find(|it| it.address == VENDOR);
+        vendor.map_or(0, |it| it.value)
     }
 
     /// What watches axes, in the order of the machine.

@@ -99,6 +99,7 @@ impl Firmware for Module {
             Disturbance::Fault(class) if class > ErrorClass::Warning => self.fail(true),
             Disturbance::FaultPersists(false) => self.fail(false),
             Disturbance::RefuseWrite(address, code) => self.tampering.refuse(address, code),
+            Disturbance::AcceptWrites => self.tampering.accept(),
             Disturbance::Vendor(id) => self.tampering.preset_vendor(&mut self.objects, id),
             // It has no power stage, no motor and no other channel.
             _ => {}

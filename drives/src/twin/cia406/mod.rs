@@ -281,6 +281,7 @@ impl Firmware for Encoder {
             Disturbance::Fault(class) if class > ErrorClass::Warning => self.fail(true),
             Disturbance::FaultPersists(persists) if !persists => self.fail(false),
             Disturbance::RefuseWrite(address, code) => self.tampering.refuse(address, code),
+            Disturbance::AcceptWrites => self.tampering.accept(),
             Disturbance::Vendor(id) => self.tampering.preset_vendor(&mut self.objects, id),
             // It has no power stage, no motor, no other channel and no inputs.
             _ => {}

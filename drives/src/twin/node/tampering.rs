@@ -18,6 +18,11 @@ impl Tampering {
         self.refusals.push((address, code));
     }
 
+    /// Lets all SDO writes through again.
+    pub fn accept(&mut self) {
+        self.refusals.clear();
+    }
+
     /// Whether a write is let through.
     ///
     /// # Errors

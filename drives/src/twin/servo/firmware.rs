@@ -388,6 +388,7 @@ impl<D: ServoFirmware> Firmware for D {
             }
             Disturbance::FaultPersists(persists) => servo.cause_persists = persists,
             Disturbance::RefuseWrite(address, code) => servo.tampering.refuse(address, code),
+            Disturbance::AcceptWrites => servo.tampering.accept(),
             Disturbance::FoundEnabled => {
                 servo.controlword = Controlword::ENABLE_OPERATION;
                 self.enter(State::OperationEnabled);

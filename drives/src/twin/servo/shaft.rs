@@ -152,6 +152,14 @@ impl Shaft {
         self.blocked = blocked;
     }
 
+    /// Somebody brings it so many revolutions further by hand, where it rests with what it moves.
+    pub fn displace(&mut self, by: f64) {
+        self.motion = self.motion.displaced(by);
+        if let Some(coupled) = &mut self.coupled {
+            coupled.motion = coupled.motion.displaced(by);
+        }
+    }
+
     /// Pushes at what it moves with a torque, N·m at the shaft, from now on.
     pub fn push(&mut self, torque: f64) {
         self.outside = torque;

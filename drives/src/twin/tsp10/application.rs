@@ -126,6 +126,7 @@ impl Firmware for Drive {
             Disturbance::FaultPersists(persists) => self.cause_persists = persists,
             Disturbance::FoundEnabled => self.enter(State::OperationEnabled),
             Disturbance::RefuseWrite(address, code) => self.tampering.refuse(address, code),
+            Disturbance::AcceptWrites => self.tampering.accept(),
             Disturbance::Vendor(id) => self.tampering.preset_vendor(&mut self.objects, id),
             Disturbance::Input(input, on) => {
                 let bit = 1u16.checked_shl(input.into()).unwrap_or(0);

@@ -112,6 +112,7 @@ impl Firmware for Encoder {
                 self.errors.set(EncoderError::Eeprom, false);
             }
             Disturbance::RefuseWrite(address, code) => self.tampering.refuse(address, code),
+            Disturbance::AcceptWrites => self.tampering.accept(),
             // It has no power stage, no motor, no other channel, no inputs and no identity object.
             _ => {}
         }
