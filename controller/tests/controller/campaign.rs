@@ -1448,6 +1448,36 @@ fn what_is_wrong_beside_troubles_is_told_as_that() {
     assert_eq!(missed, [""; 0], "not found");
 }
 
+/// A fault behind trouble that was mended: nobody is to blame for it any more once the machine was started since.
+#[test]
+fn what_was_mended_excuses_nothing() {
+    let is_found = |since: &[State]| {
+        let recorded = &RECORDED[0];
+        let mut case = recorded.case.clone();
+        case.troubles.push(Trouble {
+            at: When::Ready(u32::MAX),
+            what: Interference::Late(1),
+        });
+        let mut checkers = Checkers::new(&case, &recorded.machine);
+        let bus = recorded.machine.drives[0].bus;
+        let unplugged = Interference::Bus(bus, ToBus::Unplug(1));
+        for what in [unplugged, Interference::Mended] {
+            checkers.see(&Seen::Interfered(what));
+        }
+        for state in since {
+            checkers.see(&Seen::Told(Event::State(*state)));
+        }
+        let cause = DeviceCause::MissingTPdo { misses: 1 };
+        checkers.see(&event(control::Event::Fault(Fault::Device(0, cause))));
+        let mut found = checkers.found.0.iter();
+        found.any(|it| it.what == "a fault of somebody whom nothing happened to")
+    };
+    assert!(is_found(&[State::Starting, State::Ready]));
+    for since in [&[][..], &[State::Starting], &[State::Ready]] {
+        assert!(!is_found(since), "{since:?}");
+    }
+}
+
 /// Quiet cases of corrected axes whose positions a drive is sent, as they are seen where the machine corrects by something else.
 #[test]
 fn what_is_corrected_by_something_else_is_found() {
