@@ -394,13 +394,18 @@ impl Outputs {
         self.left = last.map(|step| step.state);
     }
 
-    /// Where setpoints are at the last SYNC, and how far they went at most in a cycle lately, by axis.
+    /// Where setpoints are at the last SYNC, and how far they went at most in a cycle lately, by axis: of a gantry in the middle of its sides, which
+    /// may be sent askew as they were found.
     fn setpoints(&mut self, scene: &Scene<'_>) {
         let axes = scene.machine.axes.iter().enumerate();
         for ((index, axis), setpoints) in axes.zip(&mut self.setpoints) {
-            let drive = axis.drives[0];
-            if let Some(at) = scene.drives[drive].latched {
-                setpoints.push_back(scene.axis(index, scene.mm(drive, at)));
+            let sides = axis.drives.iter().map(|&drive| {
+                let latched = scene.drives[drive].latched;
+                latched.map(|at| scene.mm(drive, at))
+            });
+            if let Some(sides) = sides.collect::<Option<Vec<f64>>>() {
+                let middle = sides.iter().sum::<f64>() / sides.len() as f64;
+                setpoints.push_back(scene.axis(index, middle));
             }
             if setpoints.len() > 4 {
                 setpoints.pop_front();
