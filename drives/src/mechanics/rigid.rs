@@ -42,37 +42,47 @@ impl Rigid {
     }
 }
 
-impl Mechanics for Rigid {
-    /// `loads` and `motions` are those of one shaft.
-    fn step(&mut self, dt: f64, loads: &[Load], motions: &mut [Motion]) {
-        let ([load], [shaft]) = (loads, motions) else {
-            return;
+impl Rigid {
+    /// How the shaft moves `dt` seconds later under a load.
+    #[inline(always)]
+    pub(crate) fn moved(&self, dt: f64, load: &Load, shaft: Motion) -> Motion {
+        let (position, velocity) = (shaft.position, shaft.velocity);
+        let rests = Motion {
+            velocity: 0.0,
+            acceleration: 0.0,
+            ..shaft
         };
-        shaft.acceleration = 0.0;
         if load.blocked {
-            shaft.velocity = 0.0;
-            return;
+            return rests;
         }
         let friction = self.grip(load.brake_open);
         let inertia = self.motor_inertia + self.load_inertia;
-        let driving = load.torque + load.outside + self.load_torque
-            - self.viscous_friction * shaft.velocity * TAU;
-        if shaft.velocity == 0.0 && driving.abs() <= friction {
-            return;
+        let driving =
+            load.torque + load.outside + self.load_torque - self.viscous_friction * velocity * TAU;
+        if velocity == 0.0 && driving.abs() <= friction {
+            return rests;
         }
-        let direction = if shaft.velocity == 0.0 {
-            driving
-        } else {
-            shaft.velocity
-        };
+        let direction = if velocity == 0.0 { driving } else { velocity };
         let net = driving - friction.copysign(direction);
-        let mut velocity = shaft.velocity + net / (inertia * TAU) * dt;
+        let mut after = velocity + net / (inertia * TAU) * dt;
         // Friction stops a shaft; it does not turn it round.
-        if velocity * direction < 0.0 && driving.abs() <= friction {
-            velocity = 0.0;
+        if after * direction < 0.0 && driving.abs() <= friction {
+            after = 0.0;
         }
-        shaft.position += 0.5 * (shaft.velocity + velocity) * dt;
-        shaft.velocity = velocity;
+        Motion {
+            position: position + 0.5 * (velocity + after) * dt,
+            velocity: after,
+            acceleration: 0.0,
+        }
+    }
+}
+
+impl Mechanics for Rigid {
+    /// `loads` and `motions` are those of one shaft.
+    fn step(&mut self, dt: f64, loads: &[Load], motions: &mut [Motion]) {
+        if let ([load], [shaft]) = (loads, motions) {
+            *shaft = self.moved(dt, load, *shaft);
+        }
     }
 }
 

@@ -23,6 +23,7 @@ impl Random {
     }
 
     /// 64 random bits.
+    #[inline]
     pub fn next_u64(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -42,6 +43,7 @@ impl Random {
 
     /// Bell-shaped, mean 0, standard deviation 1, never beyond ±3.5: the sum of four uniforms,
     /// which needs no function whose rounding differs between machines.
+    #[inline]
     pub fn bell(&mut self) -> f64 {
         let bits = self.next_u64();
         let sum: u64 = (0..4).map(|part| bits >> (16 * part) & 0xFFFF).sum();

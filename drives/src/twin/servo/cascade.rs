@@ -171,6 +171,84 @@ impl Factors {
     }
 }
 
+/// The speed loop apart from the cascade, so that it stays at hand while steps follow one another under one reference.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SpeedLoop {
+    reference: Reference,
+    /// What the position loop wants, rev/s, and what is added to the torque, N·m.
+    speed: f64,
+    forward: f64,
+    limit: f64,
+    gain: f64,
+    factors: Factors,
+    /// Increments in a step at a revolution a second.
+    counts: f64,
+    encoder: f64,
+    filtered_reference: f64,
+    filtered_speed: f64,
+    integral: f64,
+    torque: f64,
+}
+
+impl SpeedLoop {
+    /// One step over an encoder that reads a whole number; the torque in N·m, which goes through the filters that there are.
+    #[inline(always)]
+    pub(super) fn step(
+        &mut self,
+        encoder: f64,
+        is_held: bool,
+        filters: impl FnOnce(f64) -> f64,
+    ) -> f64 {
+        let measured = (encoder - self.encoder) / self.counts;
+        self.encoder = encoder;
+        self.filtered_speed += (measured - self.filtered_speed) * self.factors.speed;
+        self.torque = match self.reference {
+            Reference::Off => 0.0,
+            Reference::Torque(torque) => torque.clamp(-self.limit, self.limit),
+            Reference::Position { .. } | Reference::Velocity(_) => {
+                self.filtered_reference +=
+                    (self.speed - self.filtered_reference) * self.factors.reference;
+                let error = self.filtered_reference - self.filtered_speed;
+                let integral = self.integral + self.factors.integral * error * SPEED_STEP;
+                let wanted = filters(self.gain * error + integral + self.forward);
+                let torque = wanted.clamp(-self.limit, self.limit);
+                // A saturated loop does not wind up.
+                if torque == wanted && !is_held {
+                    self.integral = integral;
+                }
+                torque
+            }
+        };
+        self.torque
+    }
+}
+
+/// What the wanted torque goes through.
+#[derive(Clone, Debug, Default)]
+struct Filters {
+    torque: f64,
+    notches: [Option<Notch>; 2],
+}
+
+impl Filters {
+    fn reset(&mut self) {
+        self.torque = 0.0;
+        self.notches.iter_mut().flatten().for_each(Notch::reset);
+    }
+
+    /// `part` is what the low-pass takes over of a difference, if there is one.
+    fn next(&mut self, mut wanted: f64, part: Option<f64>) -> f64 {
+        if let Some(part) = part {
+            self.torque += (wanted - self.torque) * part;
+            wanted = self.torque;
+        }
+        for notch in self.notches.iter_mut().flatten() {
+            wanted = notch.next(wanted);
+        }
+        wanted
+    }
+}
+
 /// The state of the cascade.
 #[derive(Clone, Debug)]
 pub struct Cascade {
@@ -187,9 +265,9 @@ pub struct Cascade {
     filtered_reference: f64,
     filtered_speed: f64,
     integral: f64,
-    filtered_torque: f64,
-    notches: [Option<Notch>; 2],
-    last_encoder: i64,
+    filters: Filters,
+    /// The last reading, a whole number.
+    encoder: f64,
     torque: f64,
 }
 
@@ -208,9 +286,8 @@ impl Cascade {
             filtered_reference: 0.0,
             filtered_speed: 0.0,
             integral: 0.0,
-            filtered_torque: 0.0,
-            notches: [None; 2],
-            last_encoder: encoder,
+            filters: Filters::default(),
+            encoder: encoder as f64,
             torque: 0.0,
         };
         cascade.retune(gains);
@@ -227,7 +304,7 @@ impl Cascade {
     pub fn retune(&mut self, gains: Gains) {
         for (index, shape) in gains.notches.iter().enumerate() {
             if self.gains.notches[index] != *shape {
-                self.notches[index] = shape.map(|shape| Notch::new(shape, SPEED_STEP));
+                self.filters.notches[index] = shape.map(|shape| Notch::new(shape, SPEED_STEP));
             }
         }
         if self.gains.overshoot_suppression.is_none() {
@@ -266,8 +343,7 @@ impl Cascade {
         self.integral = 0.0;
         self.torque = 0.0;
         self.torque_forward = 0.0;
-        self.filtered_torque = 0.0;
-        self.notches.iter_mut().flatten().for_each(Notch::reset);
+        self.filters.reset();
     }
 
     /// One step of the position loop.
@@ -301,6 +377,40 @@ impl Cascade {
         self.speed_reference = speed;
     }
 
+    /// Its speed loop under a reference, which [goes on](Self::go_on) in its place.
+    #[inline]
+    pub(super) fn speed_loop(&self, reference: Reference, increments_per_rev: f64) -> SpeedLoop {
+        SpeedLoop {
+            reference,
+            speed: self.speed_reference,
+            forward: self.torque_forward,
+            limit: self.gains.torque_limit.min(self.torque_limit),
+            gain: self.gains.speed,
+            factors: self.factors,
+            counts: increments_per_rev * SPEED_STEP,
+            encoder: self.encoder,
+            filtered_reference: self.filtered_reference,
+            filtered_speed: self.filtered_speed,
+            integral: self.integral,
+            torque: self.torque,
+        }
+    }
+
+    /// Its speed loop has come that far.
+    #[inline]
+    pub(super) fn go_on(&mut self, from: &SpeedLoop) {
+        self.encoder = from.encoder;
+        self.filtered_reference = from.filtered_reference;
+        self.filtered_speed = from.filtered_speed;
+        self.integral = from.integral;
+        self.torque = from.torque;
+    }
+
+    /// Whether the wanted torque goes through filters.
+    pub(super) fn has_filters(&self) -> bool {
+        self.gains.torque_filter > 0.0 || self.filters.notches.iter().any(Option::is_some)
+    }
+
     /// One step of the speed loop; returns the torque in N·m. The integral
     /// part rests while the torque is limited, here or, if `is_held`, behind.
     pub fn speed_step(
@@ -310,36 +420,11 @@ impl Cascade {
         increments_per_rev: f64,
         is_held: bool,
     ) -> f64 {
-        let (gains, factors) = (&self.gains, self.factors);
-        let moved = (encoder - self.last_encoder) as f64;
-        self.last_encoder = encoder;
-        let measured = moved / (increments_per_rev * SPEED_STEP);
-        self.filtered_speed += (measured - self.filtered_speed) * factors.speed;
-        let limit = gains.torque_limit.min(self.torque_limit);
-        self.torque = match reference {
-            Reference::Off => 0.0,
-            Reference::Torque(torque) => torque.clamp(-limit, limit),
-            Reference::Position { .. } | Reference::Velocity(_) => {
-                self.filtered_reference +=
-                    (self.speed_reference - self.filtered_reference) * factors.reference;
-                let error = self.filtered_reference - self.filtered_speed;
-                let integral = self.integral + factors.integral * error * SPEED_STEP;
-                let mut wanted = gains.speed * error + integral + self.torque_forward;
-                if gains.torque_filter > 0.0 {
-                    self.filtered_torque += (wanted - self.filtered_torque) * factors.torque;
-                    wanted = self.filtered_torque;
-                }
-                for notch in self.notches.iter_mut().flatten() {
-                    wanted = notch.next(wanted);
-                }
-                let torque = wanted.clamp(-limit, limit);
-                // A saturated loop does not wind up.
-                if torque == wanted && !is_held {
-                    self.integral = integral;
-                }
-                torque
-            }
-        };
+        let mut speed_loop = self.speed_loop(reference, increments_per_rev);
+        let part = (self.gains.torque_filter > 0.0).then_some(self.factors.torque);
+        let filters = |wanted| self.filters.next(wanted, part);
+        speed_loop.step(encoder as f64, is_held, filters);
+        self.go_on(&speed_loop);
         self.torque
     }
 }

@@ -1,6 +1,6 @@
 //! The clock that paces a drive's loops: its own oscillator, or that oscillator locked to SYNC.
 
-use super::cascade::SPEED_STEP_NS;
+use super::cascade::{SPEED_STEP_NS, SPEED_STEPS};
 use crate::twin::random::Random;
 use syncline_canopen::Instant;
 
@@ -61,22 +61,31 @@ impl Clock {
         clock
     }
 
-    /// The present step is another one, or of another length.
+    /// The present step is of another length.
     fn measure_step(&mut self) {
         self.step_end = self.step_instant(self.coming);
         self.step_length = self.period / f64::from(self.steps) * 1e-9;
     }
 
     /// When the present step of the speed loop ends.
+    #[inline]
     #[must_use]
     pub fn step_end(&self) -> Instant {
         self.step_end
     }
 
     /// The present step's number within the cycle, from 0, and its true length in seconds.
+    #[inline]
     #[must_use]
     pub fn step(&self) -> (u32, f64) {
         (self.coming - 1, self.step_length)
+    }
+
+    /// Whether the position loop steps with the present step.
+    #[inline]
+    #[must_use]
+    pub fn is_position_step(&self) -> bool {
+        (self.coming - 1) % SPEED_STEPS == 0
     }
 
     /// Time that has passed in the present step, s.
@@ -93,6 +102,7 @@ impl Clock {
     }
 
     /// Goes on to the next step; true if it is the first of a cycle.
+    #[inline]
     pub fn next_step(&mut self) -> bool {
         let ends = self.coming == self.steps;
         if ends {
@@ -100,7 +110,7 @@ impl Clock {
             self.coming = 0;
         }
         self.coming += 1;
-        self.measure_step();
+        self.step_end = self.step_instant(self.coming);
         ends
     }
 
@@ -138,9 +148,11 @@ impl Clock {
         self.measure_step();
     }
 
+    #[inline]
     fn step_instant(&self, step: u32) -> Instant {
         let into = self.period * f64::from(step) / f64::from(self.steps);
-        Instant::from_nanos(self.boundary + into as u64)
+        // Of numbers with a sign most processors have an instruction for this.
+        Instant::from_nanos(self.boundary + into as i64 as u64)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::shaft::Shaft;
 use crate::twin::random::Random;
-use crate::twin::rounding::floor;
+use crate::twin::rounding::{floor, floor_soon};
 use core::f64::consts::TAU;
 
 /// What makes an encoder's reading wrong, besides that it is a whole number of increments.
@@ -63,6 +63,43 @@ impl Encoder {
         }
         let step = self.increments_per_revolution / f64::from(steps);
         whole(floor(increments / step) * step)
+    }
+}
+
+/// What an encoder without errors but noise goes by, apart, so that it stays at hand while readings follow one another.
+#[derive(Clone, Debug)]
+pub(super) struct PlainEncoder {
+    increments_per_revolution: f64,
+    noise: f64,
+    random: Random,
+}
+
+impl PlainEncoder {
+    /// What it reads at a position, as [`Encoder::read`]: a whole number.
+    #[inline(always)]
+    pub(super) fn read(&mut self, revolutions: f64) -> f64 {
+        let noise = match self.noise != 0.0 {
+            true => self.random.bell() * self.noise,
+            false => 0.0,
+        };
+        floor_soon(revolutions * self.increments_per_revolution + noise)
+    }
+}
+
+impl Encoder {
+    /// The same encoder while it has no errors but noise, until it goes on with [`Self::go_on`].
+    pub(super) fn plain(&self) -> Option<PlainEncoder> {
+        let is_plain = self.errors.interpolation == 0.0 && self.errors.steps == 0;
+        is_plain.then(|| PlainEncoder {
+            increments_per_revolution: self.increments_per_revolution,
+            noise: self.errors.noise,
+            random: self.random.clone(),
+        })
+    }
+
+    /// Goes on where that one is.
+    pub(super) fn go_on(&mut self, from: PlainEncoder) {
+        self.random = from.random;
     }
 }
 

@@ -4,7 +4,7 @@
 //! their reset. What makers do each in their own way are the required methods of [`ServoFirmware`] and those
 //! that do nothing unless a drive says so.
 
-use super::cascade::{Gains, Reference, SPEED_STEPS};
+use super::cascade::{Gains, Reference};
 use super::errors::{Errors, ServoError};
 use super::lasting::Lasting;
 use super::loops::Loops;
@@ -180,19 +180,21 @@ pub trait ServoFirmware: Application {
         0
     }
 
-    /// Runs the next step of the speed loop.
-    fn step(&mut self) {
-        let (step, _) = self.servo().loops.clock.step();
-        if step % SPEED_STEPS == 0 {
+    /// Runs the next step of the position loop, if it is due, and those of the speed loop that follow and end until then.
+    fn step(&mut self, until: Instant) {
+        if self.servo().loops.clock.is_position_step() {
             let servo = self.servo_mut();
+            let (step, _) = servo.loops.clock.step();
             servo.now = servo.loops.clock.step_end();
             servo.velocity.take(servo.loops.encoder);
             self.position_step(step);
             let (reference, limit) = (self.loop_reference(), self.torque_limit());
             self.servo_mut().loops.position_step(reference, limit);
         }
+        // What kind the reference is of, and which torque it is, stays until the position loop's next step.
         let (reference, grips) = (self.loop_reference(), self.brake_grips());
-        if self.servo_mut().loops.speed_step(reference, grips) {
+        let loops = &mut self.servo_mut().loops;
+        if loops.speed_steps(reference, grips, until) {
             self.end_cycle();
         }
     }
@@ -335,7 +337,7 @@ pub trait ServoFirmware: Application {
 impl<D: ServoFirmware> Firmware for D {
     fn run_until(&mut self, now: Instant) {
         while self.servo().loops.clock.step_end() <= now {
-            self.step();
+            self.step(now);
         }
         let servo = self.servo_mut();
         servo.now = now;

@@ -7,6 +7,7 @@ use super::encoder::{Encoder, Scale};
 use super::power_stage::TorqueSource;
 use super::shaft::Shaft;
 use crate::twin::node::Processor;
+use syncline_canopen::Instant;
 
 /// Steps without SYNC after which it has stayed away: 50 ms.
 const SYNC_LOST: u32 = 800;
@@ -184,27 +185,81 @@ impl Loops {
         self.cascade.position_step(reference, self.encoder, counts);
     }
 
-    /// The clock's next step, one of the speed loop; the power stage is on unless the reference is
-    /// [`Reference::Off`]. The holding brake is open with it, unless it `grips`. Whether the clock's cycle ends with it.
-    pub fn speed_step(&mut self, reference: Reference, grips: bool) -> bool {
-        let (_, dt) = self.clock.step();
-        let end = self.clock.step_end();
-        let (counts, is_on) = (self.increments_per_revolution, reference != Reference::Off);
-        let is_held = self.torque_source.is_limited();
-        let wanted = (self.cascade).speed_step(reference, self.motor, counts, is_held);
-        let wanted = wanted * self.direction;
-        self.torque = (self.torque_source).step(wanted, is_on, &self.shaft, SPEED_STEP);
-        self.shaft.step(end, dt, self.torque, is_on && !grips);
-        self.look();
-        self.impulse += self.torque;
-        self.steps += 1;
-        let ends = self.clock.next_step();
+    /// The clock's steps of the speed loop that end until an instant, up to one with which the position loop's next one is due or
+    /// the clock's cycle ends. The power stage is on unless the reference is [`Reference::Off`]. The holding brake is open with
+    /// it, unless it `grips`. Whether the cycle has ended.
+    pub fn speed_steps(&mut self, reference: Reference, grips: bool, until: Instant) -> bool {
+        let ends = match self.plain_steps(reference, grips, until) {
+            Some(ends) => ends,
+            None => self.any_steps(reference, grips, until),
+        };
         // A SYNC that stays away paces nothing any more.
         self.is_synced &= self.steps < SYNC_LOST;
         if ends && !self.is_synced {
             self.latch_torque();
         }
         ends
+    }
+
+    /// Whatever they move, and by whatever they see it.
+    fn any_steps(&mut self, reference: Reference, grips: bool, until: Instant) -> bool {
+        let (counts, is_on) = (self.increments_per_revolution, reference != Reference::Off);
+        while self.clock.step_end() <= until {
+            let (_, dt) = self.clock.step();
+            let end = self.clock.step_end();
+            let is_held = self.torque_source.is_limited();
+            let wanted = (self.cascade).speed_step(reference, self.motor, counts, is_held);
+            let wanted = wanted * self.direction;
+            self.torque = (self.torque_source).step(wanted, is_on, &self.shaft, SPEED_STEP);
+            self.shaft.step(end, dt, self.torque, is_on && !grips);
+            self.look();
+            self.impulse += self.torque;
+            self.steps += 1;
+            if self.clock.next_step() {
+                return true;
+            }
+            if self.clock.is_position_step() {
+                break;
+            }
+        }
+        false
+    }
+
+    /// The same steps, where all that they go by is at hand: an inertia with friction, which has what torque is asked for at once,
+    /// and an encoder with nothing but noise. `None`, and no step, where there is more.
+    fn plain_steps(&mut self, reference: Reference, grips: bool, until: Instant) -> Option<bool> {
+        let is_on = reference != Reference::Off;
+        let (rigid, mut load, mut motion) = self.shaft.rigid(is_on && !grips)?;
+        let is_plain = matches!(self.torque_source, TorqueSource::Ideal)
+            && self.scale.is_none()
+            && !self.cascade.has_filters();
+        let mut sensor = self.sensor.plain().filter(|_| is_plain)?;
+        let mut speed_loop = (self.cascade).speed_loop(reference, self.increments_per_revolution);
+        let (direction, reaches) = (self.direction, self.shaft.has_torque());
+        let (mut reading, mut at) = (self.motor as f64, self.shaft.at());
+        let (mut torque, mut impulse, mut steps) = (self.torque, self.impulse, self.steps);
+        let mut ends = false;
+        while self.clock.step_end() <= until {
+            let (_, dt) = self.clock.step();
+            at = self.clock.step_end();
+            torque = speed_loop.step(reading, false, |wanted| wanted) * direction;
+            load.torque = if reaches { torque } else { 0.0 };
+            motion = rigid.moved(dt, &load, motion);
+            reading = sensor.read(motion.position) * direction;
+            impulse += torque;
+            steps += 1;
+            ends = self.clock.next_step();
+            if ends || self.clock.is_position_step() {
+                break;
+            }
+        }
+        self.shaft.go_on(at, motion);
+        self.cascade.go_on(&speed_loop);
+        self.sensor.go_on(sensor);
+        (self.torque, self.impulse, self.steps) = (torque, impulse, steps);
+        self.motor = reading as i64;
+        self.encoder = self.motor;
+        Some(ends)
     }
 }
 
@@ -214,7 +269,6 @@ mod tests {
     use crate::mechanics::drive_train::{DriveTrain, Elasticity, LeadError};
     use crate::twin::random::Random;
     use crate::twin::servo::encoder::EncoderErrors;
-    use syncline_canopen::Instant;
 
     const COUNTS: f64 = 131_072.0;
 
@@ -266,7 +320,8 @@ mod tests {
             if step % 4 == 0 {
                 loops.position_step(reference, 4.0);
             }
-            loops.speed_step(reference, false);
+            let end = loops.clock.step_end();
+            loops.speed_steps(reference, false, end);
         }
         loops.shaft.load_position()
     }

@@ -204,6 +204,35 @@ impl Shaft {
         }
     }
 
+    /// What is rigid and moved by its drive alone: what moves it but for the motor's torque, and how it moves, to
+    /// [go on](Self::go_on) from.
+    #[inline]
+    pub(super) fn rigid(&self, brake_open: bool) -> Option<(&Rigid, Load, Motion)> {
+        let (Plant::Rigid(rigid), None) = (&self.plant, &self.coupled) else {
+            return None;
+        };
+        let load = Load {
+            torque: 0.0,
+            outside: self.outside,
+            brake_open,
+            blocked: self.blocked,
+        };
+        Some((rigid, load, self.motion))
+    }
+
+    /// How it moves from an instant on.
+    #[inline]
+    pub(super) fn go_on(&mut self, at: Instant, motion: Motion) {
+        self.at = at;
+        self.motion = motion;
+    }
+
+    /// Whether the motor's torque reaches it.
+    #[inline]
+    pub(super) fn has_torque(&self) -> bool {
+        !self.powerless
+    }
+
     // ---- coupled ----
 
     /// From now on, `now`, the world moves it.
