@@ -410,10 +410,33 @@ pub struct Dictionary {
     places: Vec<Option<u16>>,
     /// By row, 0 of a string: loops of simulated drives read numbers all the time.
     values: Vec<i64>,
+    /// By row, at hand for whoever shows numbers all the time.
+    widths: Vec<Width>,
     /// What was stored last; power-on values of the rows that were never stored.
     stored: Vec<i64>,
     /// In the order of their rows.
     texts: Vec<Text>,
+}
+
+/// What a row keeps of a number.
+#[derive(Clone, Copy, Debug)]
+enum Width {
+    /// Nothing: it is a string.
+    Text,
+    /// All but so many bits.
+    Signed(u8),
+    Unsigned(u8),
+}
+
+impl Width {
+    fn of(data_type: DataType) -> Self {
+        let unused = || 64 - 8 * data_type.size() as u8;
+        match (data_type.is_number(), data_type.is_signed()) {
+            (false, _) => Self::Text,
+            (true, true) => Self::Signed(unused()),
+            (true, false) => Self::Unsigned(unused()),
+        }
+    }
 }
 
 /// A string of a table.
@@ -484,6 +507,7 @@ impl Dictionary {
             keys,
             stored: values.clone(),
             values,
+            widths: (entries.iter().map(|entry| Width::of(entry.data_type))).collect(),
             texts,
         }
     }
@@ -550,18 +574,21 @@ impl Dictionary {
     }
 
     /// A number's value; 0 for a string.
+    #[inline]
     #[must_use]
     pub fn get(&self, row: Row) -> i64 {
         self.values[usize::from(row.0)]
     }
 
     /// Sets a number without any check but its width; does nothing to a string.
+    #[inline]
     pub fn set(&mut self, row: Row, value: i64) {
-        let data_type = self.entry(row).data_type;
-        if data_type.is_number() {
-            let bits = data_type.size() as u32 * 8;
-            self.values[usize::from(row.0)] = data_type.extend(value as u64, bits);
-        }
+        let place = usize::from(row.0);
+        self.values[place] = match self.widths[place] {
+            Width::Text => return,
+            Width::Signed(unused) => value << unused >> unused,
+            Width::Unsigned(unused) => ((value as u64) << unused >> unused) as i64,
+        };
     }
 
     /// A string's bytes; empty for a number.

@@ -8,6 +8,7 @@ use crate::twin::servo::firmware::ServoFirmware;
 use syncline_canopen::dictionary::{Dictionary, Row};
 use syncline_canopen::emcy::{self, Emergency};
 use syncline_canopen::node::{Application, CommunicationError, Origin};
+use syncline_canopen::pdo::{CobIdWord, Mapped};
 use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::sync::Sync;
 use syncline_canopen::{Instant, nmt};
@@ -24,7 +25,12 @@ impl Application for Drive {
     fn refresh(&mut self, now: Instant, row: Option<Row>) {
         // What can be written is what was written.
         let settled = row.is_some_and(|row| self.objects.entry(row).access.writable());
-        if !settled && core::mem::take(&mut self.servo.stale) {
+        if settled || !core::mem::take(&mut self.servo.stale) {
+            return;
+        }
+        if row.is_none() && self.tells_little() {
+            self.publish_mapped(now);
+        } else {
             self.publish(now);
         }
     }
@@ -37,6 +43,9 @@ impl Application for Drive {
 
     fn written(&mut self, _: Instant, row: Row, origin: Origin) {
         self.servo.stale = true;
+        if origin == Origin::Sdo {
+            self.tells_little = None;
+        }
         Drive::written(self, row, origin);
     }
 
@@ -64,6 +73,7 @@ impl Application for Drive {
             self.restart();
         }
         self.identify();
+        self.tells_little = None;
         // D-23: the default printed is 1, but there is no error.
         self.objects.put(0x1003, 0, 0);
     }
@@ -120,6 +130,21 @@ impl Application for Drive {
 }
 
 impl Drive {
+    /// Whether no T_PDO that is sent tells more than [`Self::MAPPED`].
+    fn tells_little(&mut self) -> bool {
+        let objects = &self.objects;
+        *self.tells_little.get_or_insert_with(|| {
+            let value = |index, sub| objects.value(index, sub).unwrap_or(0);
+            let is_sent = |pdo: &u16| CobIdWord(value(0x1800 + pdo, 1) as u32).is_valid();
+            let rows = (0..4).filter(is_sent).flat_map(|pdo| {
+                let count = value(0x1A00 + pdo, 0).clamp(0, 8) as u8;
+                (1..=count).map(move |sub| (0x1A00 + pdo, sub))
+            });
+            let mut mapped = rows.map(|(index, sub)| Mapped::from(value(index, sub) as u32));
+            mapped.all(|it| it.address.sub == 0 && Self::MAPPED.contains(&it.address.index))
+        })
+    }
+
     /// Writes who the drive is into its objects.
     pub(super) fn identify(&mut self) {
         let (objects, identity) = (&mut self.objects, &self.identity);

@@ -93,6 +93,8 @@ pub struct Drive {
     /// Something has happened that the statusword's value may not show.
     pub(super) status_event: bool,
     pub(super) identity: Identity,
+    /// Whether no T_PDO tells more than [`Self::MAPPED`]; not known while their parameters may have changed.
+    pub(super) tells_little: Option<bool>,
 }
 
 impl Drive {
@@ -162,6 +164,7 @@ impl Drive {
             ref_ok: false,
             status_event: false,
             identity,
+            tells_little: None,
         }
     }
 
@@ -363,18 +366,42 @@ impl Drive {
 
     // ---- objects ----
 
-    /// Brings the objects that show the drive's condition up to `now`.
-    pub(super) fn publish(&mut self, now: Instant) {
+    /// The objects that [`Self::publish_mapped`] brings up to date, as their indices are.
+    pub(super) const MAPPED: [u16; 3] = [0x6041, 0x6064, 0x6077];
+
+    /// Brings the objects that most T_PDOs tell up to `now`, and what is a mean or a maximum over time; where the encoder is, in
+    /// increments and in user units.
+    pub(super) fn publish_mapped(&mut self, now: Instant) -> (i64, i64) {
         let rows = self.rows;
         let since_step = self.servo.loops.clock.since_step(now);
         let encoder = self.servo.loops.read(since_step);
         let encoder = encoder.saturating_sub(self.zero);
+        let torque = self.servo.loops.mean_torque() * self.servo.loops.direction();
+        let torque = torque / self.servo.loops.cascade.gains().continuous_torque * 1000.0;
+        let monitored = self.monitors_something().into();
+        let latched = self.objects.get(rows.signals_latched).max(monitored);
+        let position = self.user_position(encoder);
+        let shown = [
+            (rows.position, position),
+            (rows.torque, nearest(torque)),
+            (rows.statusword, self.statusword().0.into()),
+            (rows.signals_active, monitored),
+            (rows.signals_latched, latched),
+        ];
+        for (row, value) in shown {
+            self.objects.set(row, value);
+        }
+        self.publish_over_time();
+        (encoder, position)
+    }
+
+    /// Brings the objects that show the drive's condition up to `now`.
+    pub(super) fn publish(&mut self, now: Instant) {
+        let rows = self.rows;
+        let (encoder, position) = self.publish_mapped(now);
         let reference = (self.ramp.position as i64).saturating_sub(self.zero);
         let velocity = self.actual_velocity();
         let rpm = velocity * 60.0 / INCREMENTS_PER_REVOLUTION;
-        let torque = self.servo.loops.mean_torque() * self.servo.loops.direction();
-        let torque = torque / self.servo.loops.cascade.gains().continuous_torque * 1000.0;
-        let position = self.user_position(encoder);
         let user_reference = self.user_position(reference);
         let deviation = user_reference.saturating_sub(position);
         let load_deviation = self.user_position(self.load_deviation() as i64);
@@ -396,11 +423,9 @@ impl Drive {
             (rows.reference_internal, reference),
             (rows.speed, speed),
             (rows.speed_reference, nearest(ramp_speed)),
-            (rows.torque, nearest(torque)),
             (rows.sync_status, self.sync.status() as i64),
             (rows.error_register, self.servo.errors.register().into()),
             (rows.mode_active, self.mode as i64),
-            (rows.position, position),
             (rows.reference, user_reference),
             (rows.position_deviation, deviation),
             (rows.position_deviation_user, deviation),
@@ -435,19 +460,12 @@ impl Drive {
                 rows.gear_difference,
                 self.user_position(self.gear.difference() as i64),
             ),
-            (rows.statusword, self.statusword().0.into()),
         ];
-        let monitored = self.monitors_something().into();
         let [most_position, most_velocity, most_ramp] = self.scale_most();
         let shown = shown.into_iter().chain([
             (rows.position_scale_most, most_position),
             (rows.velocity_scale_most, most_velocity),
             (rows.ramp_scale_most, most_ramp),
-            (rows.signals_active, monitored),
-            (
-                rows.signals_latched,
-                self.objects.get(rows.signals_latched).max(monitored),
-            ),
         ]);
         for (row, value) in shown {
             self.objects.set(row, value);

@@ -144,8 +144,26 @@ impl Drive {
         self.servo.loops.torque() * self.servo.loops.direction()
     }
 
+    /// Power that the motor gives, W.
+    fn power(&self) -> f64 {
+        self.torque_of_motor() * (self.actual_velocity() / INCREMENTS_PER_REVOLUTION) * TAU
+    }
+
+    /// Brings up to date what is a mean or a maximum over time.
+    pub(super) fn publish_over_time(&mut self) {
+        let power = self.power();
+        let braked = self.stage().map_or(0.0, PowerStage::braked);
+        self.means.advance(self.servo.now, power, braked);
+        if self.stage().is_some() {
+            let overload = self.means.resistor_overload;
+            self.show(self.rows.resistor_overload, overload, PERCENT);
+            self.publish_stage();
+        }
+    }
+
     /// Brings up to date what is measured, and the limits that hold.
     pub(super) fn publish_measured(&mut self) {
+        self.publish_over_time();
         let rows = self.rows;
         let gains = self.servo.loops.cascade.gains();
         let [constant, continuous] = [gains.torque_constant, gains.continuous_torque];
@@ -156,11 +174,8 @@ impl Drive {
         let of_stage = |stage: &PowerStage| direction * stage.current();
         let current = self.stage().map_or(torque / constant, of_stage);
         let load = current.abs() * constant / continuous;
-        let speed = self.actual_velocity() / INCREMENTS_PER_REVOLUTION;
         let most = gains.speed_limit * INCREMENTS_PER_REVOLUTION;
-        let power = torque * speed * TAU;
-        let braked = self.stage().map_or(0.0, PowerStage::braked);
-        self.means.advance(self.servo.now, power, braked);
+        let power = self.power();
         let Means {
             resistor_power,
             resistor_overload,
