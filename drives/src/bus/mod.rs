@@ -47,6 +47,7 @@ mod wire;
 pub use port::{Band, Port, Received};
 pub use wire::{BitRate, frame_bits};
 
+use std::cell::Cell;
 use std::collections::VecDeque;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, Frame, Instant, Transmit};
@@ -113,6 +114,8 @@ pub struct SimBus<N> {
     strangers: Mailboxes,
     on_wire: Option<Transmission>,
     idle_from: Instant,
+    /// The bits of the frame that was measured last: the next one to be sent, as a rule.
+    measured: Cell<Option<(Frame, u32)>>,
 }
 
 struct Attached<N> {
@@ -132,6 +135,7 @@ impl<N: BusNode> SimBus<N> {
             strangers: Mailboxes(VecDeque::new()),
             on_wire: None,
             idle_from: Instant::ZERO,
+            measured: Cell::new(None),
         }
     }
 
@@ -197,14 +201,17 @@ impl<N: BusNode> SimBus<N> {
     /// `None` if nothing will happen until somebody sends.
     #[must_use]
     pub fn next_event(&self) -> Option<Instant> {
+        let wake = self.next_wake();
         let frame = match &self.on_wire {
             Some(on_wire) => Some(on_wire.end),
+            // What begins behind a wake ends behind it.
+            None if wake.is_some_and(|wake| wake <= self.next_start()) => None,
             None => self.next_winner().map(|(_, frame)| {
-                let (occupied, _) = self.bit_rate.occupation(&frame);
+                let (occupied, _) = self.occupation(&frame);
                 self.next_start() + occupied
             }),
         };
-        [frame, self.next_wake()].into_iter().flatten().min()
+        [frame, wake].into_iter().flatten().min()
     }
 
     /// Lets virtual time pass up to and including `until`: nodes act, frames travel, and
@@ -247,6 +254,14 @@ impl<N: BusNode> SimBus<N> {
         self.now.max(self.idle_from)
     }
 
+    /// Time from the start of a frame to its last bit, and its bits through the intermission.
+    fn occupation(&self, frame: &Frame) -> (Duration, u32) {
+        let measured = self.measured.get().filter(|(last, _)| last == frame);
+        let bits = measured.map_or_else(|| wire::frame_bits(frame), |(_, bits)| bits);
+        self.measured.set(Some((*frame, bits)));
+        (self.bit_rate.time(bits - wire::INTERMISSION_BITS), bits)
+    }
+
     fn next_wake(&self) -> Option<Instant> {
         self.nodes
             .iter()
@@ -256,17 +271,19 @@ impl<N: BusNode> SimBus<N> {
 
     /// The arbitration among the heads of all queues; the port wins a tie.
     fn next_winner(&self) -> Option<(Sender, Frame)> {
-        let port = self.port.head().map(|frame| (Sender::Port, *frame));
-        let nodes = self.nodes.iter().enumerate().filter_map(|(index, node)| {
-            let frame = node.queue.head()?;
-            Some((Sender::Node(index), *frame))
-        });
+        let nodes = self.nodes.iter().enumerate();
+        let nodes = nodes.filter_map(|(index, it)| Some((Sender::Node(index), it.queue.head()?)));
+        let port = self.port.head().map(|frame| (Sender::Port, frame));
         let stranger = self.strangers.head();
-        let stranger = stranger.map(|frame| (Sender::Stranger, *frame));
-        port.into_iter()
-            .chain(nodes)
-            .chain(stranger)
-            .min_by_key(|(_, frame)| arbitration_field(frame))
+        let stranger = stranger.map(|frame| (Sender::Stranger, frame));
+        let mut winner: Option<(u32, Sender, &Frame)> = None;
+        for (sender, frame) in port.into_iter().chain(nodes).chain(stranger) {
+            let field = arbitration_field(frame);
+            if winner.is_none_or(|(least, ..)| field < least) {
+                winner = Some((field, sender, frame));
+            }
+        }
+        winner.map(|(_, sender, frame)| (sender, *frame))
     }
 
     fn put_on_wire(&mut self, start: Instant, sender: Sender, frame: Frame) {
@@ -275,7 +292,7 @@ impl<N: BusNode> SimBus<N> {
             Sender::Node(index) => self.nodes[index].queue.take_head(),
             Sender::Stranger => self.strangers.take_head(),
         };
-        let (occupied, bits) = self.bit_rate.occupation(&frame);
+        let (occupied, bits) = self.occupation(&frame);
         let end = start + occupied;
         self.idle_from = start + self.bit_rate.time(bits);
         self.on_wire = Some(Transmission {
@@ -345,13 +362,5 @@ fn arbitration_field(frame: &Frame) -> u32 {
     match frame.id() {
         CanId::Standard(id) => u32::from(id) << 21 | remote << 20,
         CanId::Extended(id) => (id >> 18) << 21 | 0b11 << 19 | (id & 0x3_FFFF) << 1 | remote,
-    }
-}
-
-impl BitRate {
-    /// Time from the start of `frame` to its last bit, and its bits through the intermission.
-    fn occupation(self, frame: &Frame) -> (Duration, u32) {
-        let bits = wire::frame_bits(frame);
-        (self.time(bits - wire::INTERMISSION_BITS), bits)
     }
 }
