@@ -235,6 +235,7 @@ fn simulated(file: &Path) -> (Machinery, SharedFrames, [f64; COORDINATES]) {
         .collect();
     let layout = Arc::new(MachineLayout::new(&machine).unwrap());
     let mut driver = Driver::new(layout, simulated.world, ports, Instant::ZERO);
+    driver.controller.touch();
     for _ in 0..20_000 {
         if let Some(start) = driver.controller.ready() {
             return (driver, frames, start);

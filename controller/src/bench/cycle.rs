@@ -305,10 +305,10 @@ impl<const N: usize> Cycle<N> {
             (driver, start.as_nanos() - next.as_nanos())
         } else {
             let start = realtime::now() + options.shape.period;
-            (
-                Driver::new(Arc::new(options.shape.layout()), World::new(), ports, start),
-                0,
-            )
+            let layout = Arc::new(options.shape.layout());
+            let mut driver = Driver::new(layout, World::new(), ports, start);
+            driver.controller.touch();
+            (driver, 0)
         };
         Self {
             options,

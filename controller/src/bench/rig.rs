@@ -368,6 +368,7 @@ pub fn ready_machine<const N: usize>(shape: &Shape) -> Driver<N, Box<dyn Port + 
     let layout = Arc::new(shape.layout());
     let (world, ports) = shape.simulated();
     let mut driver = Driver::new(layout, world, ports, Instant::ZERO);
+    driver.controller.touch();
     for _ in 0..2 * BRING_UP_CYCLES {
         if driver.controller.ready().is_some() {
             return driver;

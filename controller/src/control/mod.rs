@@ -442,6 +442,11 @@ impl<const N: usize> Controller<N> {
         }
     }
 
+    /// Writes once to the memory that is for its plan, as [`Executor::touch`], for cycles in real time.
+    pub fn touch(&mut self) {
+        self.executor.touch();
+    }
+
     /// Puts the first wake-up off to `start`, as long as it has not come.
     pub fn begin_at(&mut self, start: Instant) {
         debug_assert!(self.cycle == 0 && !self.setpoint_is_next);

@@ -216,6 +216,7 @@ impl Cycle {
         let (report, reports) = RingBuffer::new(REPORTS);
         let (ask, requests) = RingBuffer::new(REQUESTS);
         let mut driver = Driver::new(Arc::clone(layout), world, ports, Instant::ZERO);
+        driver.controller.touch();
         let carried = driver.tap();
         let cycle = Self {
             driver,

@@ -272,13 +272,13 @@ fn part(asked: f64, most: f64) -> f64 {
     }
 }
 
-/// An empty queue whose memory has been written to once, so that the cycle is never the first to
-/// touch a page of it.
-fn touched<T: Clone>(capacity: usize, filling: Option<T>) -> VecDeque<T> {
-    let mut queue = VecDeque::with_capacity(capacity);
-    queue.extend(filling.into_iter().flat_map(|it| repeat_n(it, capacity)));
-    queue.clear();
-    queue
+/// Writes once to all the memory of a queue that is empty.
+fn touch<T: Clone>(queue: &mut VecDeque<T>, filling: Option<T>) {
+    let room = queue.capacity() - queue.len();
+    if queue.is_empty() {
+        queue.extend(filling.into_iter().flat_map(|it| repeat_n(it, room)));
+        queue.clear();
+    }
 }
 
 /// Any path segment at all.
@@ -328,10 +328,10 @@ impl<const N: usize> Executor<N> {
             period,
             cycle: 0,
             lead: first_lead(period),
-            path_segments: touched(CAPACITY + RESERVE, any_path_segment()),
+            path_segments: VecDeque::with_capacity(CAPACITY + RESERVE),
             first_path_segment: 0,
             committed_path_segments: 0,
-            steps: touched(CAPACITY + RESERVE, Some(Step::Hold)),
+            steps: VecDeque::with_capacity(CAPACITY + RESERVE),
             committed: 0,
             number: 0,
             plan: PlanStatus::Current,
@@ -353,6 +353,14 @@ impl<const N: usize> Executor<N> {
             activity: Activity::Following,
             search: Box::default(),
         }
+    }
+
+    /// Writes once to all the memory that is for its plan, before there is one, so that a cycle in real time is never the first
+    /// to touch a page of it.
+    pub fn touch(&mut self) {
+        touch(&mut self.path_segments, any_path_segment());
+        touch(&mut self.steps, Some(Step::Hold));
+        self.settled.touch();
     }
 
     /// Forgets the plan and rests in `position`, its cycle number zero; overrides, single block and retraction stay

@@ -7,7 +7,7 @@
 
 use std::collections::VecDeque;
 
-use super::{Executor, Step, any_path_segment, touched};
+use super::{Executor, Step, any_path_segment, touch};
 use crate::path::{Derivatives, PathSegment};
 use crate::shaper::Spread;
 
@@ -32,6 +32,11 @@ impl<const N: usize> Default for Settled<N> {
 }
 
 impl<const N: usize> Settled<N> {
+    /// As [`Executor::touch`].
+    pub(super) fn touch(&mut self) {
+        touch(&mut self.passed, any_path_segment().map(|any| (0, any)));
+    }
+
     /// The path has left a path segment.
     pub(super) fn pass(&mut self, path_segment: PathSegment<N>, cycle: u64) {
         if self.cycles > 0 {
@@ -95,10 +100,7 @@ impl<const N: usize> Executor<N> {
         self.settled = Settled {
             settling: spread.settling,
             cycles: (spread.settling / self.period).round() as u64,
-            passed: touched(
-                self.path_segments.capacity(),
-                any_path_segment().map(|any| (0, any)),
-            ),
+            passed: VecDeque::with_capacity(self.path_segments.capacity()),
         };
     }
 
