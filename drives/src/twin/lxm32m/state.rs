@@ -70,6 +70,9 @@ impl Drive {
 
     /// Switches off what has waited for long enough.
     pub(super) fn finish_switching_off(&mut self) {
+        if self.switching_off.is_none() {
+            return;
+        }
         let at_rest = self.is_at_rest();
         let closing = self.closing_time();
         if at_rest && let Some(off) = &mut self.switching_off {

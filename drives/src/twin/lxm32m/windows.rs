@@ -45,13 +45,14 @@ impl Drive {
         let rows = self.rows;
         let value = |row: Row| self.objects.get(row);
         let velocity = self.actual_velocity();
+        let velocity_unit = self.velocity_of(1);
         let are_so = [
             self.servo.loops.torque().abs()
                 <= self.torque_of_current(value(rows.current_threshold)),
-            velocity.abs() <= self.velocity_of(value(rows.velocity_threshold)),
+            velocity.abs() <= value(rows.velocity_threshold) as f64 * velocity_unit,
             self.deviation().abs() <= self.increments_of(value(rows.deviation_window_user)),
             (self.ramp.velocity - velocity).abs()
-                <= self.velocity_of(value(rows.velocity_deviation_window)),
+                <= value(rows.velocity_deviation_window) as f64 * velocity_unit,
         ];
         let time = Duration::from_millis(value(rows.window_time) as u64);
         for (place, is_so) in are_so.into_iter().enumerate() {

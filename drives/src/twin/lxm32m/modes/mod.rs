@@ -172,10 +172,13 @@ impl Drive {
 
     /// Another mode was asked for: it takes over at standstill; what moves is stopped.
     pub(super) fn change_mode(&mut self) {
-        let wanted = Mode::of(self.objects.get(self.rows.mode)).unwrap_or(self.mode);
-        if wanted == self.mode {
+        let asked = self.objects.get(self.rows.mode);
+        if asked == self.mode as i64 {
             return;
         }
+        let Some(wanted) = Mode::of(asked) else {
+            return;
+        };
         if self.is_powered() && !self.is_at_rest() {
             if !self.servo.braking {
                 self.end_mode();
