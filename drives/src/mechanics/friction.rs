@@ -35,7 +35,7 @@ impl Friction {
         if extra == 0.0 {
             return self.coulomb;
         }
-        let share = speed / self.stribeck_speed;
+        let share = speed * (1.0 / self.stribeck_speed);
         self.coulomb + extra / (1.0 + share * share)
     }
 

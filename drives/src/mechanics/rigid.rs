@@ -55,22 +55,27 @@ impl Rigid {
         if load.blocked {
             return rests;
         }
+        // Whoever closes a loop waits for what is made of the torque: all else is made before.
         let friction = self.grip(load.brake_open);
         let inertia = self.motor_inertia + self.load_inertia;
-        let driving =
-            load.torque + load.outside + self.load_torque - self.viscous_friction * velocity * TAU;
+        let gain = dt / (inertia * TAU);
+        let rest = load.outside + self.load_torque - self.viscous_friction * velocity * TAU;
+        let driving = load.torque + rest;
         if velocity == 0.0 && driving.abs() <= friction {
             return rests;
         }
-        let direction = if velocity == 0.0 { driving } else { velocity };
-        let net = driving - friction.copysign(direction);
-        let mut after = velocity + net / (inertia * TAU) * dt;
+        let (direction, net) = if velocity == 0.0 {
+            (driving, driving - friction.copysign(driving))
+        } else {
+            (velocity, load.torque + (rest - friction.copysign(velocity)))
+        };
+        let mut after = velocity + net * gain;
         // Friction stops a shaft; it does not turn it round.
         if after * direction < 0.0 && driving.abs() <= friction {
             after = 0.0;
         }
         Motion {
-            position: position + 0.5 * (velocity + after) * dt,
+            position: position + (velocity + after) * (0.5 * dt),
             velocity: after,
             acceleration: 0.0,
         }

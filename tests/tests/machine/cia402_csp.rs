@@ -102,7 +102,7 @@ fn the_bracket_passes_and_is_the_same_each_time() {
 fn the_examples_frames_are_those_of_its_seed() {
     let folder = root().join("examples/csp");
     let (machine, program) = (folder.join("machine.toml"), folder.join("pocket.ngc"));
-    for (seed, kept) in [("0", "870b06db5b236f03"), ("7", "af56bf4f0569af4c")] {
+    for (seed, kept) in [("0", "2739154b9e405cab"), ("7", "b67411d5dd23707a")] {
         let now = digest(&machine, &program, &["--seed", seed]);
         assert!(now.starts_with(kept), "seed {seed}: {now}");
     }

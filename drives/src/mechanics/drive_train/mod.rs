@@ -469,7 +469,9 @@ impl FeedAxis {
         let begin = self.speeds;
         let twist = self.twist - self.slack();
         let torques = Vector2::new(torque, self.train.load_torque + self.outside);
-        let sliding = step.from_speeds * begin + step.from_twist * twist + step.inverse * torques;
+        let sliding = times(&step.from_speeds, begin)
+            + step.from_twist * twist
+            + times(&step.inverse, torques);
         let held = |speeds: Vector2<f64>| {
             let (least, greatest) = self.bounds(speeds, step.dt, hold, angle);
             self.hold_back(step, sliding, least, greatest, turning)

@@ -150,23 +150,26 @@ pub enum Reference {
 }
 
 /// What a step of the speed loop multiplies by, from its gains: parts of a difference that first-order filters take over in a
-/// step, and what the integral takes of the error.
+/// step, what the integral takes of the error, and what of it becomes torque at once.
 #[derive(Clone, Copy, Debug, Default)]
 struct Factors {
     speed: f64,
     reference: f64,
     torque: f64,
     integral: f64,
+    error: f64,
 }
 
 impl Factors {
     fn of(gains: &Gains) -> Self {
         let part = |time: f64| SPEED_STEP / (time + SPEED_STEP);
+        let integral = gains.speed / gains.speed_integral_time * SPEED_STEP;
         Self {
             speed: part(gains.speed_filter),
             reference: part(gains.speed_reference_filter),
             torque: part(gains.torque_filter),
-            integral: gains.speed / gains.speed_integral_time,
+            integral,
+            error: gains.speed + integral,
         }
     }
 }
@@ -179,10 +182,10 @@ pub(super) struct SpeedLoop {
     speed: f64,
     forward: f64,
     limit: f64,
-    gain: f64,
     factors: Factors,
-    /// Increments in a step at a revolution a second.
-    counts: f64,
+    /// What an increment in a step adds to the measured speed, and what is kept of that, as its filter has it.
+    adds: f64,
+    keeps: f64,
     encoder: f64,
     filtered_reference: f64,
     filtered_speed: f64,
@@ -199,9 +202,10 @@ impl SpeedLoop {
         is_held: bool,
         filters: impl FnOnce(f64) -> f64,
     ) -> f64 {
-        let measured = (encoder - self.encoder) / self.counts;
+        // All that hangs on the reading is as short as it can be: the next reading waits for it.
+        let moved = encoder - self.encoder;
         self.encoder = encoder;
-        self.filtered_speed += (measured - self.filtered_speed) * self.factors.speed;
+        self.filtered_speed = self.filtered_speed * self.keeps + moved * self.adds;
         self.torque = match self.reference {
             Reference::Off => 0.0,
             Reference::Torque(torque) => torque.clamp(-self.limit, self.limit),
@@ -209,8 +213,9 @@ impl SpeedLoop {
                 self.filtered_reference +=
                     (self.speed - self.filtered_reference) * self.factors.reference;
                 let error = self.filtered_reference - self.filtered_speed;
-                let integral = self.integral + self.factors.integral * error * SPEED_STEP;
-                let wanted = filters(self.gain * error + integral + self.forward);
+                let integral = self.integral + error * self.factors.integral;
+                let before = self.integral + self.forward;
+                let wanted = filters(before + error * self.factors.error);
                 let torque = wanted.clamp(-self.limit, self.limit);
                 // A saturated loop does not wind up.
                 if torque == wanted && !is_held {
@@ -385,9 +390,9 @@ impl Cascade {
             speed: self.speed_reference,
             forward: self.torque_forward,
             limit: self.gains.torque_limit.min(self.torque_limit),
-            gain: self.gains.speed,
             factors: self.factors,
-            counts: increments_per_rev * SPEED_STEP,
+            adds: self.factors.speed / (increments_per_rev * SPEED_STEP),
+            keeps: 1.0 - self.factors.speed,
             encoder: self.encoder,
             filtered_reference: self.filtered_reference,
             filtered_speed: self.filtered_speed,
@@ -421,11 +426,19 @@ impl Cascade {
         is_held: bool,
     ) -> f64 {
         let mut speed_loop = self.speed_loop(reference, increments_per_rev);
-        let part = (self.gains.torque_filter > 0.0).then_some(self.factors.torque);
-        let filters = |wanted| self.filters.next(wanted, part);
-        speed_loop.step(encoder as f64, is_held, filters);
+        speed_loop.step(encoder as f64, is_held, |wanted| self.filtered(wanted));
         self.go_on(&speed_loop);
         self.torque
+    }
+
+    /// What becomes of the wanted torque on its way through the filters.
+    #[inline]
+    pub(super) fn filtered(&mut self, wanted: f64) -> f64 {
+        if !self.has_filters() {
+            return wanted;
+        }
+        let part = (self.gains.torque_filter > 0.0).then_some(self.factors.torque);
+        self.filters.next(wanted, part)
     }
 }
 

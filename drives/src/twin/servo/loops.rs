@@ -203,26 +203,41 @@ impl Loops {
 
     /// Whatever they move, and by whatever they see it.
     fn any_steps(&mut self, reference: Reference, grips: bool, until: Instant) -> bool {
-        let (counts, is_on) = (self.increments_per_revolution, reference != Reference::Off);
+        let is_on = reference != Reference::Off;
+        let mut sensor = self.sensor.plain();
+        let mut speed_loop = (self.cascade).speed_loop(reference, self.increments_per_revolution);
+        let mut reading = self.motor as f64;
+        let mut ends = false;
         while self.clock.step_end() <= until {
             let (_, dt) = self.clock.step();
             let end = self.clock.step_end();
             let is_held = self.torque_source.is_limited();
-            let wanted = (self.cascade).speed_step(reference, self.motor, counts, is_held);
-            let wanted = wanted * self.direction;
+            let filters = |wanted| self.cascade.filtered(wanted);
+            let wanted = speed_loop.step(reading, is_held, filters) * self.direction;
             self.torque = (self.torque_source).step(wanted, is_on, &self.shaft, SPEED_STEP);
             self.shaft.step(end, dt, self.torque, is_on && !grips);
-            self.look();
+            let seen = match &mut sensor {
+                Some(sensor) => sensor.read(self.shaft.position()),
+                None => self.sensor.read(&self.shaft, 0.0) as f64,
+            };
+            reading = seen * self.direction;
             self.impulse += self.torque;
             self.steps += 1;
-            if self.clock.next_step() {
-                return true;
-            }
-            if self.clock.is_position_step() {
+            ends = self.clock.next_step();
+            if ends || self.clock.is_position_step() {
                 break;
             }
         }
-        false
+        self.cascade.go_on(&speed_loop);
+        if let Some(sensor) = sensor {
+            self.sensor.go_on(sensor);
+        }
+        self.motor = reading as i64;
+        self.encoder = match self.scale {
+            Some(_) => self.read(0.0),
+            None => self.motor,
+        };
+        ends
     }
 
     /// The same steps, where all that they go by is at hand: an inertia with friction, which has what torque is asked for at once,

@@ -88,7 +88,7 @@ impl Joined {
     /// With that of one more.
     pub fn add(&mut self, stage: &PowerStage) {
         self.capacitance += stage.bus.capacitance;
-        self.energy += 0.5 * stage.bus.capacitance * stage.voltage * stage.voltage;
+        self.energy += 0.5 * stage.bus.capacitance * stage.square;
     }
 
     /// At which their capacitors have the energy together that they had apart, V; 0 of none.
@@ -104,8 +104,9 @@ impl Joined {
 /// I²t of something that current heats.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Overload {
-    /// What it stands forever, A.
+    /// What it stands forever, A, and the inverse of that.
     continuous: f64,
+    inverse: f64,
     /// s.
     time_constant: f64,
     /// 1 is the limit.
@@ -121,6 +122,7 @@ impl Overload {
     pub fn new(continuous: f64, time_constant: f64) -> Self {
         Self {
             continuous,
+            inverse: 1.0 / continuous,
             time_constant,
             level: 0.0,
             is_over: false,
@@ -130,7 +132,7 @@ impl Overload {
 
     /// A current flows for a time that is short beside the time constant.
     pub fn heat(&mut self, current: f64, dt: f64) {
-        let load = current / self.continuous;
+        let load = current * self.inverse;
         if self.step.0 != dt {
             self.step = (dt, dt / (self.time_constant + dt));
         }
@@ -169,8 +171,8 @@ impl Overload {
 pub struct PowerStage {
     motor: Motor,
     bus: DcBus,
-    /// V.
-    voltage: f64,
+    /// Of the DC bus' voltage, V²: its energy goes by that, and roots take their time.
+    square: f64,
     has_mains: bool,
     is_braking: bool,
     /// Energy that the braking resistor has taken, J.
@@ -182,10 +184,11 @@ pub struct PowerStage {
     of_motor: Overload,
     of_drive: Overload,
     is_limited: bool,
-    /// What a step of `h` leaves of the current, and what of it a volt makes.
+    /// What a step of `h` leaves of the current, what of it a volt makes, and the inverse of that.
     h: f64,
     fades: f64,
     admittance: f64,
+    impedance: f64,
     /// Share of the way to its reference that the current goes in a step.
     closes: f64,
 }
@@ -199,7 +202,7 @@ impl PowerStage {
     pub fn new(motor: Motor, bus: DcBus) -> Self {
         let [of_motor, of_drive] = overloads(&motor);
         Self {
-            voltage: bus.nominal,
+            square: bus.nominal * bus.nominal,
             has_mains: true,
             is_braking: false,
             braked: 0.0,
@@ -211,6 +214,7 @@ impl PowerStage {
             h: 0.0,
             fades: 0.0,
             admittance: 0.0,
+            impedance: 0.0,
             closes: 0.0,
             motor,
             bus,
@@ -258,19 +262,19 @@ impl PowerStage {
     /// What the DC bus gives a phase at most, V: effective, of a sinusoidal one.
     #[must_use]
     pub fn phase_voltage_most(&self) -> f64 {
-        self.voltage / 6.0_f64.sqrt()
+        (self.square / 6.0).sqrt()
     }
 
     /// Of the DC bus, V.
     #[must_use]
     pub fn voltage(&self) -> f64 {
-        self.voltage
+        self.square.sqrt()
     }
 
     /// Whether the DC bus has more than it may.
     #[must_use]
     pub fn has_overvoltage(&self) -> bool {
-        self.voltage > self.bus.most
+        self.square > self.bus.most * self.bus.most
     }
 
     /// I²t of the motor and of the drive, of 1.
@@ -287,10 +291,10 @@ impl PowerStage {
             capacitance,
             ..
         } = self.bus;
-        let beyond = self.voltage * self.voltage - nominal * nominal;
+        let beyond = self.square - nominal * nominal;
         Supply {
             overloads: self.overloads(),
-            voltage: self.voltage,
+            voltage: self.voltage(),
             stored: 0.5 * capacitance * beyond.max(0.0),
             braked: self.braked,
         }
@@ -319,18 +323,22 @@ impl PowerStage {
             self.h = h;
             self.fades = libm::exp(-resistance * h / inductance);
             self.admittance = (1.0 - self.fades) / resistance;
+            self.impedance = 1.0 / self.admittance;
             self.closes = 1.0 - libm::exp(-CURRENT_BANDWIDTH * h);
         }
         let before = self.current;
-        let reference = before + self.closes * (wanted / torque_constant - before);
+        let reference = before + self.closes * (wanted * (1.0 / torque_constant) - before);
         let winding = Winding {
             resistance,
             reactance: f64::from(pole_pairs) * velocity * TAU * inductance,
             induced: torque_constant / 3.0 * velocity * TAU,
         };
-        let (target, most) = winding.held(reference, self.phase_voltage_most());
-        let asked = (target - self.fades * before) / self.admittance + winding.induced;
-        let voltage = asked.clamp(-most, most);
+        let (target, left) = winding.held(reference, self.square / 6.0);
+        let asked = (target - self.fades * before) * self.impedance + winding.induced;
+        let voltage = match asked * asked <= left {
+            true => asked,
+            false => asked.clamp(-left.sqrt(), left.sqrt()),
+        };
         self.is_limited = voltage != asked || target != reference;
         self.applied = voltage;
         self.current = match voltage == asked {
@@ -364,14 +372,15 @@ impl PowerStage {
 
     /// Its DC bus has the voltage of those that it is [joined](Joined) to, V.
     pub fn join(&mut self, voltage: f64) {
-        self.voltage = voltage;
+        self.square = voltage * voltage;
     }
 
     /// The mains are there or not; they charge the DC bus at once.
     pub fn feed(&mut self, has_mains: bool) {
         self.has_mains = has_mains;
         if has_mains {
-            self.voltage = self.voltage.max(self.bus.nominal);
+            let nominal = self.bus.nominal;
+            self.square = self.square.max(nominal * nominal);
         }
     }
 
@@ -385,30 +394,28 @@ impl PowerStage {
             discharge,
             ..
         } = self.bus;
-        if self.has_mains && power >= 0.0 && self.voltage <= nominal {
+        if self.has_mains && power >= 0.0 && self.square <= nominal * nominal {
             // The mains give what is taken, also by drives that are joined to this one and have none.
-            self.voltage = nominal;
+            self.square = nominal * nominal;
             return;
         }
-        self.is_braking = self.voltage
-            > if self.is_braking {
-                braking - 10.0
-            } else {
-                braking
-            };
+        let threshold = match self.is_braking {
+            true => braking - 10.0,
+            false => braking,
+        };
+        self.is_braking = self.square > threshold * threshold;
         let mut taken = power * h;
         let mut least = nominal;
         if !self.has_mains {
-            taken += self.voltage * self.voltage / discharge * h;
+            taken += self.square / discharge * h;
             least = 0.0;
         }
         if self.is_braking {
-            let heat = self.voltage * self.voltage / resistance * h;
+            let heat = self.square / resistance * h;
             self.braked += heat;
             taken += heat;
         }
-        let square = self.voltage * self.voltage - 2.0 * taken / capacitance;
-        self.voltage = square.max(least * least).sqrt();
+        self.square = (self.square - 2.0 * taken / capacitance).max(least * least);
     }
 }
 
@@ -423,22 +430,22 @@ struct Winding {
 }
 
 impl Winding {
-    /// The current nearest to a reference, A, that a voltage of so many V holds at this speed, and what that leaves of the voltage in
-    /// phase with it, V: never less than what holds the current, so that it settles there and does not run away.
+    /// The current nearest to a reference, A, that a voltage holds at this speed, whose square is so many V², and the square of what
+    /// that leaves of the voltage in phase with it: never less than what holds the current, so that it settles there and does not run
+    /// away.
     fn held(&self, reference: f64, voltage: f64) -> (f64, f64) {
         let along = |current: f64| self.resistance * current + self.induced;
-        let left = |current: f64| voltage * voltage - (self.reactance * current).powi(2);
+        let left = |current: f64| voltage - (self.reactance * current).powi(2);
         if along(reference).powi(2) <= left(reference) {
-            return (reference, left(reference).sqrt());
+            return (reference, left(reference));
         }
         // Both resistance and reactance are of the whole phase's impedance; a motor has a resistance.
         let square = self.resistance.powi(2) + self.reactance.powi(2);
         let middle = -self.resistance * self.induced / square;
-        let reach = square * voltage * voltage - (self.reactance * self.induced).powi(2);
+        let reach = square * voltage - (self.reactance * self.induced).powi(2);
         let reach = reach.max(0.0).sqrt() / square;
         let current = reference.clamp(middle - reach, middle + reach);
-        let most = left(current).max(0.0).sqrt();
-        (current, most.max(along(current).abs()))
+        (current, left(current).max(along(current).powi(2)))
     }
 }
 
@@ -466,8 +473,31 @@ pub fn lasts(motor: &Motor, torque: f64) -> Option<f64> {
 /// A sine of the shaft's angle with so many periods in a revolution.
 fn wave(position: f64, periods: u32) -> f64 {
     let phase = position * f64::from(periods);
-    libm::sin(TAU * (phase - floor(phase)))
+    let turn = phase - floor(phase + 0.5);
+    // Within a quarter of a period a few powers do, which are in all steps of a drive.
+    let quarter = match turn.abs() > 0.25 {
+        true => 0.5_f64.copysign(turn) - turn,
+        false => turn,
+    };
+    let angle = TAU * quarter;
+    let square = angle * angle;
+    let powers = POWERS.iter().fold(0.0, |sum, power| sum * square + power);
+    angle * powers
 }
+
+/// Of a sine, highest first: up to the 19th its error is 3·10⁻¹⁶ in a quarter of a period.
+const POWERS: [f64; 10] = [
+    -1.0 / 121_645_100_408_832_000.0,
+    1.0 / 355_687_428_096_000.0,
+    -1.0 / 1_307_674_368_000.0,
+    1.0 / 6_227_020_800.0,
+    -1.0 / 39_916_800.0,
+    1.0 / 362_880.0,
+    -1.0 / 5_040.0,
+    1.0 / 120.0,
+    -1.0 / 6.0,
+    1.0,
+];
 
 /// What makes torque of what the loops ask for.
 #[derive(Clone, Debug, Default)]
@@ -557,6 +587,15 @@ mod tests {
     }
 
     #[test]
+    fn a_wave_is_a_sine() {
+        for place in -4000..4000 {
+            let position = f64::from(place) * 1.37e-3;
+            let expected = libm::sin(TAU * (position * 7.0 - libm::floor(position * 7.0)));
+            assert!((wave(position, 7) - expected).abs() < 2e-15, "{position}");
+        }
+    }
+
+    #[test]
     fn current_closes_on_its_reference_as_the_exponential() {
         let mut stage = smooth();
         for k in 1..=16 {
@@ -638,15 +677,15 @@ mod tests {
         } = stage.bus;
         // Until the resistor is on, all energy is in the capacitor.
         let mut energy = 0.0;
-        while stage.voltage < braking - 1.0 {
+        while stage.voltage() < braking - 1.0 {
             stage.supply(-500.0, H);
             energy += 500.0 * H;
         }
-        let stored = 0.5 * capacitance * (stage.voltage * stage.voltage - nominal * nominal);
+        let stored = 0.5 * capacitance * (stage.voltage() * stage.voltage() - nominal * nominal);
         assert!((stored / energy - 1.0).abs() < 1e-9);
         (0..32_000).for_each(|_| stage.supply(-500.0, H));
-        assert!(!stage.has_overvoltage() && stage.voltage > braking - 20.0);
-        let stored = 0.5 * capacitance * (stage.voltage * stage.voltage - nominal * nominal);
+        assert!(!stage.has_overvoltage() && stage.voltage() > braking - 20.0);
+        let stored = 0.5 * capacitance * (stage.voltage() * stage.voltage() - nominal * nominal);
         energy += 500.0 * H * 32_000.0;
         assert!(((stored + stage.braked()) / energy - 1.0).abs() < 1e-9);
         // More than the resistor can take.
@@ -735,21 +774,21 @@ mod tests {
         (0..160_000).for_each(|_| stage.off(H));
         let expected = nominal * libm::exp(-10.0 / (discharge * capacitance));
         assert!(
-            (stage.voltage / expected - 1.0).abs() < 1e-6,
+            (stage.voltage() / expected - 1.0).abs() < 1e-6,
             "{}",
-            stage.voltage
+            stage.voltage()
         );
-        let before = stage.voltage;
+        let before = stage.voltage();
         (0..160).for_each(|_| stage.supply(500.0, H));
-        let given = 0.5 * capacitance * (before * before - stage.voltage * stage.voltage);
+        let given = 0.5 * capacitance * (before * before - stage.voltage() * stage.voltage());
         assert!((given / 5.0 - 1.0).abs() < 0.05, "{given} J");
         (0..16_000).for_each(|_| stage.supply(500.0, H));
-        assert_eq!(stage.voltage, 0.0);
+        assert_eq!(stage.voltage(), 0.0);
         // Without a voltage no current begins.
         stage.step(1.0, 0.0, 0.0, H);
         assert_eq!(stage.current(), 0.0);
         stage.feed(true);
-        assert_eq!(stage.voltage, nominal);
+        assert_eq!(stage.voltage(), nominal);
     }
 
     /// Steps stages with these powers, W, and joins their DC buses behind each.
@@ -777,7 +816,7 @@ mod tests {
                 ..of
             });
             let stored = |stages: &[PowerStage]| -> f64 {
-                stages.iter().map(|it| 0.5 * of.capacitance * it.voltage * it.voltage + it.braked).sum()
+                stages.iter().map(|it| 0.5 * of.capacitance * it.voltage() * it.voltage() + it.braked).sum()
             };
             let mut before = stored(&stages);
             // What the powers of a step may make of a voltage, V, and the resistors' 10 V in which both are on or off.
@@ -786,7 +825,7 @@ mod tests {
                 let powers = &powers[..count];
                 let whole: f64 = powers.iter().sum();
                 for _ in 0..steps {
-                    let had = stages[0].voltage;
+                    let had = stages[0].voltage();
                     joined(&mut stages, powers);
                     single.supply(whole, H);
                     let now = stored(&stages);
@@ -795,9 +834,9 @@ mod tests {
                     // Far above their voltage the mains give nothing.
                     prop_assert!(had < of.nominal + apart || given < 1e-9 * now, "{given} J come from nowhere");
                     before = now;
-                    prop_assert!(stages.iter().all(|it| it.voltage == stages[0].voltage));
-                    let off = (stages[0].voltage - single.voltage).abs();
-                    let is_switching = (of.braking - 12.0..of.braking + 2.0).contains(&single.voltage);
+                    prop_assert!(stages.iter().all(|it| it.voltage() == stages[0].voltage()));
+                    let off = (stages[0].voltage() - single.voltage()).abs();
+                    let is_switching = (of.braking - 12.0..of.braking + 2.0).contains(&single.voltage());
                     prop_assert!(off < apart || is_switching || single.braked > 0.0 && off < 12.0, "{off}");
                     prop_assert_eq!(stages[0].has_overvoltage(), stages.iter().any(PowerStage::has_overvoltage));
                 }
@@ -819,14 +858,14 @@ mod tests {
             for (powers, steps) in &powers {
                 for _ in 0..*steps {
                     joined(&mut stages, &powers[..count]);
-                    prop_assert!(stages[0].voltage > of.nominal - apart, "{}", stages[0].voltage);
+                    prop_assert!(stages[0].voltage() > of.nominal - apart, "{}", stages[0].voltage());
                 }
             }
             stages[fed % count].feed(false);
             for _ in 0..(1.0 / H) as u32 {
                 joined(&mut stages, &[200.0; 4][..count]);
             }
-            prop_assert!(stages[0].voltage < 0.1 * of.nominal, "{}", stages[0].voltage);
+            prop_assert!(stages[0].voltage() < 0.1 * of.nominal, "{}", stages[0].voltage());
         }
 
         /// Whatever is asked at whatever speed, with mains that come and go: finite, and no more torque than the peak current makes.
