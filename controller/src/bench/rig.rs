@@ -285,6 +285,7 @@ impl Shape {
                     limits,
                     sent_limits: limits,
                     compensation: None,
+                    cross_coupling: None,
                     homing: Homing::default(),
                     limit_inputs: [Vec::new(), Vec::new()],
                     kept: Err(NotKept::Unknown),

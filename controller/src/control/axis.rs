@@ -1,6 +1,7 @@
 //! One axis in the cycle: planned position to increments, actual position back, following error.
 
 mod compensation;
+mod cross_coupling;
 mod feed_forward;
 mod feedback;
 mod history;
@@ -23,6 +24,7 @@ use super::node::DeviceNode;
 use super::setpoint_guard::SetpointGuard;
 use crate::machine::{AxisLimits, HomingMethod, Kept, NotKept};
 use compensation::Compensation;
+use cross_coupling::Coupling;
 use history::{History, Planned};
 use squaring::Squaring;
 use syncline_drives::model::{Increments, PowerCommand, Setpoint};
@@ -72,6 +74,8 @@ pub(super) struct AxisControl {
     history: History,
     /// What its setpoints are corrected by, if anything.
     compensation: Option<Compensation>,
+    /// What moves its sides against each other, if anything.
+    coupling: Option<Coupling>,
     /// See [`Layout::lag`].
     lag: f64,
     /// If it goes point to point.
@@ -120,6 +124,7 @@ impl AxisControl {
             point_to_point: spec.point_to_point.then(Place::default),
             compensation: (spec.compensation.as_ref())
                 .map(|of| Compensation::new(of, scaling(spec.drives[0]).resolution())),
+            coupling: (spec.cross_coupling).map(|of| Coupling::new(of, layout)),
             recalled: false,
             spec,
             moves_on: false,
@@ -308,6 +313,9 @@ impl AxisControl {
             compensation.rest(position);
         }
         self.squaring = None;
+        if let Some(coupling) = &mut self.coupling {
+            coupling.begin_anew();
+        }
         if let Some(place) = &mut self.point_to_point {
             *place = Place {
                 at: position,
@@ -512,12 +520,12 @@ impl AxisControl {
 
     /// Looks whether its drives can be sent to what the plan, positions and velocities, has for SYNC `cycle`,
     /// each by its latency. What one of them cannot take is taken by none: they keep their last one.
-    /// Its soft limits count once it is referenced, but not `in_homing`.
+    /// Its soft limits count once it is referenced, but not `in_homing`. Where it `couples` its sides are moved against each other.
     pub(super) fn prepare(
         &mut self,
         cycle: u64,
         plan: (&[f64], &[f64]),
-        in_homing: bool,
+        (in_homing, couples): (bool, bool),
         nodes: &[DeviceNode],
     ) -> Result<(), Fault> {
         self.moves_on = false;
@@ -534,6 +542,7 @@ impl AxisControl {
             self.moves_on = true;
             return Ok(());
         }
+        self.couple(cycle, plan, couples && !in_homing, nodes);
         let planned = self.planned_at(cycle, plan);
         self.history.propose(planned);
         for index in 0..self.sides.len() {
@@ -652,6 +661,7 @@ impl AxisControl {
             worst.of_side[side] = latched.of_side(side);
             if side == 0 || following_error.abs() > worst.following_error.abs() {
                 (worst.set, worst.apart) = (latched.position, latched.apart);
+                worst.coupled = latched.coupled;
                 worst.correction = due.correction;
                 worst.act = seen;
                 worst.following_error = following_error;

@@ -2,7 +2,7 @@
 
 use super::fault::{AxisCause, Fault};
 use super::reaction::Cause;
-use super::{BusIndex, Controller, DeviceNode, Phase, event_sink, layout};
+use super::{BusIndex, Controller, DeviceNode, Event, Phase, event_sink, layout};
 use crate::bus::Outbox;
 use std::mem::take;
 use std::sync::Arc;
@@ -59,10 +59,12 @@ impl<const N: usize> Controller<N> {
         self.plan(1.0);
         let mut outcome = self.lost_step().map_or(Ok(()), Err);
         let mut move_on = true;
+        let couples = !self.is_faulty();
         for (index, axis) in self.axes.iter_mut().enumerate() {
             let plan = (&self.planned.position[..], &self.planned.velocity[..]);
             let in_homing = self.homing.homes(index);
-            let mut prepared = axis.prepare(self.cycle + 1, plan, in_homing, &self.nodes);
+            let how = (in_homing, couples);
+            let mut prepared = axis.prepare(self.cycle + 1, plan, how, &self.nodes);
             if let Err(Fault::Axis(_, AxisCause::SetpointGuard { sampled, .. })) = &mut prepared {
                 *sampled = self.along_samples.is_active();
             }
@@ -72,8 +74,12 @@ impl<const N: usize> Controller<N> {
             }
             outcome = outcome.and(prepared);
         }
-        for axis in &mut self.axes {
+        for index in 0..self.axes.len() {
+            let axis = &mut self.axes[index];
             self.setpoints_change |= axis.hand_over(self.cycle + 1, move_on, &mut self.nodes);
+            if let Some(limit) = axis.coupling_ends() {
+                self.tell(Event::CouplingEnds { axis: index, limit });
+            }
         }
         outcome
     }

@@ -151,6 +151,13 @@ pub enum Event {
         /// is taken out before the machine is ready.
         stays: bool,
     },
+    /// The sides of an axis are sent as far apart as their coupling may send them.
+    CouplingEnds {
+        /// Which axis.
+        axis: AxisIndex,
+        /// That far, mm.
+        limit: f64,
+    },
     /// The reference that an axis had when the machine was on last still holds.
     Recalled {
         /// Which axis.
@@ -543,6 +550,7 @@ impl Event {
             | Self::Referenced { axis, .. }
             | Self::Askew { axis, .. }
             | Self::OutOfSquare { axis, .. }
+            | Self::CouplingEnds { axis, .. }
             | Self::Tested { axis, .. }
             | Self::Unreferenced { axis, .. }
             | Self::Recalled { axis, .. }
@@ -721,6 +729,9 @@ impl Event {
                     false => format!("{apart}: they are taken square before the machine is ready"),
                 }
             }
+            Self::CouplingEnds { limit, .. } => format!(
+                "axis {name}: {limit} {unit}, the `limit` of its `cross_coupling`, do not keep its sides together: look what holds one back"
+            ),
             Self::Unreferenced { why, .. } => {
                 let why = match why {
                     LostReference::DriveGone => "as its drive was gone: home it",

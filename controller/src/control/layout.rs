@@ -163,6 +163,8 @@ pub struct AxisSpec {
     pub sent_limits: AxisLimits,
     /// What its setpoints are corrected by.
     pub compensation: Option<machine::Compensation>,
+    /// How the sides of a gantry are coupled.
+    pub cross_coupling: Option<machine::CrossCoupling>,
     /// How it comes to know where it is.
     pub homing: Homing,
     /// The limit switches at its negative and at its positive end.
@@ -217,6 +219,7 @@ impl AxisSpec {
             limits: axis.limits,
             sent_limits: axis.sent_limits,
             compensation: axis.compensation.clone(),
+            cross_coupling: axis.cross_coupling,
             homing: axis.homing.clone(),
             limit_inputs: axis.limit_inputs.clone(),
             kept: Err(NotKept::Unknown),

@@ -1,6 +1,7 @@
 //! `[[axis]]`: its limits, its drives, and what else the file says of it.
 
 use super::compensation::CompensationTable;
+use super::cross_coupling::{CouplingTable, CrossCoupling};
 use super::encoder::FeedbackTable;
 use super::feed_forward::{self, FeedForward};
 use super::fits::{self, Asked};
@@ -56,6 +57,7 @@ pub(super) struct AxisTable {
     compensation: Option<Compensation>,
     /// Where the file says so.
     pub(super) compensated: Option<CompensationTable>,
+    pub(super) coupled: Option<CouplingTable>,
     /// Where the soft limits stand.
     pub(super) soft_limits: Range<usize>,
     /// What its drives are to do besides.
@@ -153,11 +155,25 @@ impl AxisTable {
         };
         let stated = limits();
         let compensated = CompensationTable::read(log, &mut table, rotary);
-        let joined = (compensated.as_ref().zip(stated)).map(|(it, limits)| {
+        let skew = skew_limit.as_ref().map(|limit| *limit.get_ref());
+        let coupled = CouplingTable::read(log, &mut table, skew, position);
+        if let (Some(coupled), false, true) = (&coupled, pair, drives.is_some()) {
+            let help = "allowed: only where `drives` names two, a gantry pair";
+            coupled.refuse(log, &table.title, "one drive", help);
+        }
+        let left = stated.map(|limits| match coupled {
+            Some(_) => CrossCoupling::leaves(&limits),
+            None => limits,
+        });
+        let joined = (compensated.as_ref().zip(left)).map(|(it, limits)| {
             it.join(log, &table.title, &limits, [velocity, acceleration, jerk])
         });
         let (compensation, limits) = joined.unzip();
-        let [limits, sent_limits] = limits.map_or([stated; 2], |it| it.map(Some));
+        let [limits, sent_limits] = limits.map_or([left; 2], |it| it.map(Some));
+        let sent_limits = (sent_limits.zip(stated)).map(|(sent, stated)| AxisLimits {
+            position: CouplingTable::widen(coupled.as_ref(), sent.position),
+            ..stated
+        });
         // What homing keeps to, where one of them is wrong: the others.
         let known = limits.unwrap_or(AxisLimits {
             position: (soft_limits.as_ref())
@@ -219,6 +235,7 @@ impl AxisTable {
             sent_limits: sent_limits?,
             compensation,
             compensated,
+            coupled,
             asked,
             homing,
             limit_switches,
@@ -255,6 +272,8 @@ impl AxisTable {
             limits: self.limits,
             sent_limits: self.sent_limits,
             compensation: self.compensation,
+            // Settled once its drives are known.
+            cross_coupling: None,
             homing: Homing {
                 square: (self.limits.skew).map(|skew| Square::usual(&self.limits, skew)),
                 ..Homing::default()

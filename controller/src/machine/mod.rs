@@ -5,6 +5,7 @@
 
 mod axis;
 mod compensation;
+mod cross_coupling;
 mod cutting;
 mod dc_bus;
 mod described;
@@ -30,6 +31,7 @@ mod user_code;
 mod validation;
 
 pub use compensation::{Compensation, LeadError};
+pub use cross_coupling::CrossCoupling;
 pub use cutting::Cut;
 pub use encoder::{Encoder, Feedback, MEASURED};
 pub use feed_forward::FeedForward;
@@ -237,6 +239,8 @@ pub struct Axis {
     pub sent_limits: AxisLimits,
     /// What its setpoints are corrected by.
     pub compensation: Option<Compensation>,
+    /// How the sides of a gantry are coupled.
+    pub cross_coupling: Option<CrossCoupling>,
     /// Whether the drives supervise [`AxisLimits::following_error`] too.
     pub drive_following_error: bool,
     /// Whether the drives supervise [`AxisLimits::position`] too.

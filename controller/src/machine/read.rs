@@ -5,6 +5,7 @@
 //! complaints about another thing. So a person hears of all mistakes in two rounds at most.
 
 use super::axis::AxisTable;
+use super::cross_coupling;
 use super::dc_bus::{self, DcBusTable};
 use super::described;
 use super::encoder::{self, EncoderTable};
@@ -260,6 +261,7 @@ impl Tables {
         let io_nodes = self.io_nodes.into_iter().zip(io_buses);
         let io_nodes: Vec<_> = io_nodes.map(|(io, bus)| io.join(bus)).collect();
         let motions: Vec<_> = self.axes.iter().map(|axis| axis.motion.clone()).collect();
+        let coupled: Vec<_> = self.axes.iter().map(|it| it.coupled.clone()).collect();
         let compensated: Vec<_> = (self.axes.iter())
             .map(|it| it.compensated.clone())
             .collect();
@@ -355,6 +357,7 @@ impl Tables {
         };
         fits::settle_motions(log, &mut machine, &motions, &named);
         fits::check_compensation(log, &machine, &compensated);
+        cross_coupling::settle(log, &mut machine, &coupled);
         homing::check(log, &machine, searches);
         fits::check_pairs(log, &machine, &named);
         limit_inputs::check(log, &machine, &limit_switches);

@@ -88,6 +88,12 @@ struct GantryWatch {
     square: Option<f64>,
     tolerance: f64,
     skew: Greatest,
+    /// Sum of the squares of the skew, mm².
+    skew_squares: f64,
+    /// Of an axis whose sides are coupled: how far they were sent apart, mm.
+    coupled: Option<Greatest>,
+    /// Its place in the plan's coordinates.
+    coordinate: usize,
     torque: Greatest,
     fight: Greatest,
     /// Sum of the squares of half of the difference of both torques.
@@ -158,7 +164,12 @@ impl Drives {
     }
 
     /// Takes what the axes say at one SYNC, before it is seen how the drives are.
-    pub(super) fn correct(&mut self, axes: &[AxisSample; COORDINATES]) {
+    pub(super) fn correct(&mut self, at: Place, axes: &[AxisSample; COORDINATES]) {
+        for gantry in &mut self.gantries {
+            if let Some(greatest) = &mut gantry.coupled {
+                greatest.look(axes[gantry.coordinate].coupled.abs(), at);
+            }
+        }
         for transmission in &mut self.transmissions {
             transmission.correct(axes);
         }
@@ -375,6 +386,9 @@ impl GantryWatch {
             square: None,
             tolerance: machine.validation.skew,
             skew: Greatest::default(),
+            skew_squares: 0.0,
+            coupled: axis.cross_coupling.map(|_| Greatest::default()),
+            coordinate: axis.letter.index(),
             torque: Greatest::default(),
             fight: Greatest::default(),
             squares: 0.0,
@@ -404,6 +418,7 @@ impl GantryWatch {
         }
         let (skew, fight) = (skew.abs(), 0.5 * fight.abs());
         self.skew.look(skew, at);
+        self.skew_squares += skew * skew;
         self.fight.look(fight, at);
         self.squares += fight * fight;
         self.watch
@@ -423,6 +438,9 @@ impl GantryWatch {
             axis: self.axis,
             max_skew_mm: self.skew.value,
             max_skew_at: self.skew.at,
+            rms_skew_mm: root_mean(self.skew_squares, rows),
+            max_coupling_mm: self.coupled.map(|it| it.value),
+            max_coupling_at: self.coupled.map(|it| it.at),
             max_racking_torque: self.racking.map(|_| self.torque.value),
             max_torque_fight: self.fight.value,
             max_torque_fight_at: self.fight.at,

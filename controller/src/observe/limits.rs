@@ -31,7 +31,7 @@ use super::positioning::Positioning;
 use super::record::{Place, Violation};
 use super::sent::SentSetpoints;
 use crate::control::{AxisSample, Row};
-use crate::machine::{Axis, AxisLimits, COORDINATES, Compensation, Machine, Motion};
+use crate::machine::{Axis, AxisLimits, COORDINATES, Compensation, CrossCoupling, Machine, Motion};
 use syncline_drives::model::{self, Increments, Setpoints, unwrapped};
 
 /// A plan may exceed a limit by this part of it: rounding.
@@ -137,6 +137,7 @@ pub(super) struct AxisWatches {
     /// What of velocity, acceleration and jerk the plan has: what compensation leaves it.
     planned_limits: [f64; 3],
     compensation: Option<Compensation>,
+    coupling: Option<CrossCoupling>,
     max: [f64; WATCHED.len()],
     watches: [Watch; WATCHED.len()],
     /// The cycle of the next row, if none is left out.
@@ -255,6 +256,7 @@ impl AxisWatches {
                 axis.limits.jerk,
             ],
             compensation: axis.compensation.clone(),
+            coupling: axis.cross_coupling,
             max: [0.0; WATCHED.len()],
             watches: Default::default(),
             // No row has that number: the first one begins.
@@ -371,6 +373,7 @@ impl AxisWatches {
             self.off_compensated(&row.axes[at]),
         ];
         let beyond = half + (self.compensation.as_ref()).map_or(0.0, Compensation::greatest);
+        let beyond = beyond + 0.5 * self.coupling.map_or(0.0, |it| it.limit);
         let of_sent = (min - beyond, max + beyond);
         let sent = sent.map_or([0.0; SENT], |sent| self.latch(row, sent, of_sent));
         let AxisLimits {

@@ -296,7 +296,7 @@ impl Observers {
         let moved = self.travel.cycles.motion - moved;
         self.operations.observe(row, time, line, moved);
         self.switched.observe(row, time);
-        self.drives.correct(&row.axes);
+        self.drives.correct(Place { time, line }, &row.axes);
         let tool = self.drives.tool(&observed.actual);
         let off_path = (self.deviation).observe(observed, &tool, time, &mut self.violations);
         if self.samples.is_none() {

@@ -384,6 +384,14 @@ pub struct GantrySummary {
     pub max_skew_mm: f64,
     /// Where that was.
     pub max_skew_at: Place,
+    /// Root mean square of how far apart they were, mm.
+    pub rms_skew_mm: f64,
+    /// How far their setpoints were moved against each other at most, mm, where they are coupled.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_coupling_mm: Option<f64>,
+    /// Where that was.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_coupling_at: Option<Place>,
     /// Greatest torque with which the beam's guides held it square, N·m, if there is a beam.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_racking_torque: Option<f64>,
@@ -667,9 +675,12 @@ impl fmt::Display for GantrySummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "skew max {:.4} mm in {}",
-            self.max_skew_mm, self.max_skew_at
+            "skew max {:.4} mm in {}, rms {:.4} mm",
+            self.max_skew_mm, self.max_skew_at, self.rms_skew_mm
         )?;
+        if let Some((most, at)) = self.max_coupling_mm.zip(self.max_coupling_at) {
+            write!(f, "; cross-coupling max {most:.4} mm in {at}")?;
+        }
         if let Some(torque) = self.max_racking_torque {
             write!(f, "; racking torque max {torque:.1} N·m")?;
         }

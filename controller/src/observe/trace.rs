@@ -23,6 +23,8 @@ pub(super) struct Trace {
     analog_inputs: usize,
     /// How many encoders are on shafts of their own.
     measured: usize,
+    /// The axes whose sides are coupled.
+    coupled: Vec<usize>,
     /// Each row has where the tool is, too.
     tells_tool: bool,
     row: String,
@@ -49,6 +51,11 @@ impl Trace {
             let _ = write!(header, ",analog_input_{}", input.number);
         }
         header += &measured_columns(machine);
+        let coupled = machine.axes.iter();
+        let coupled: Vec<_> = coupled.filter(|it| it.cross_coupling.is_some()).collect();
+        for axis in &coupled {
+            let _ = write!(header, ",{}_coupling", axis.name());
+        }
         Self {
             written: Ok(()),
             file,
@@ -58,6 +65,7 @@ impl Trace {
             has_spindle,
             analog_inputs: machine.analog_inputs.len(),
             measured: machine.measured().count(),
+            coupled: coupled.iter().map(|it| it.letter.index()).collect(),
             tells_tool: false,
             row: String::new(),
             header: Some(header),
@@ -92,6 +100,9 @@ impl Trace {
             let _ = write!(text, ",{value}");
         }
         write_measured(text, &observed.row.measured[..self.measured]);
+        for &coordinate in &self.coupled {
+            let _ = write!(text, ",{}", observed.row.axes[coordinate].coupled);
+        }
         if self.tells_tool {
             for &coordinate in &self.coordinates {
                 let _ = write!(text, ",{}", tool[coordinate]);

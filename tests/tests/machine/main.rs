@@ -18,6 +18,7 @@ mod compensated_jobs;
 mod compensation;
 mod consoles;
 mod corpus;
+mod cross_coupling;
 mod day;
 mod described;
 mod described_encoder;

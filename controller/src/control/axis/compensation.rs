@@ -18,6 +18,7 @@
 //! fault or lost cycles leave the correction where it is.
 
 use super::AxisControl;
+use super::cross_coupling::Coupling;
 use super::history::Planned;
 use crate::machine;
 use syncline_trajectory::profile::{Profile, State};
@@ -252,6 +253,7 @@ impl AxisControl {
                 Some(squaring) => squaring.apart(cycle, self.period),
                 None => self.apart(cycle - 1),
             },
+            coupled: self.coupling.as_ref().map_or(0.0, Coupling::next),
         }
     }
 
@@ -260,11 +262,15 @@ impl AxisControl {
         if let Some(compensation) = &mut self.compensation {
             compensation.go_on();
         }
+        if let Some(coupling) = &mut self.coupling {
+            coupling.go_on();
+        }
     }
 
     /// Whether no correction is under way while the plan rests.
     pub(in crate::control) fn is_compensated(&self) -> bool {
         (self.compensation.as_ref()).is_none_or(Compensation::rests)
+            && (self.coupling.as_ref()).is_none_or(Coupling::rests)
     }
 
     /// What is added to a setpoint at a position while it rests, mm.

@@ -28,6 +28,8 @@ pub(super) struct Planned {
     pub(super) take_up: f64,
     /// How far the second side is planned beyond the first, mm.
     pub(super) apart: f64,
+    /// How much further it is sent than that, so that it is there, mm.
+    pub(super) coupled: f64,
 }
 
 impl Planned {
@@ -41,6 +43,7 @@ impl Planned {
             velocity: self.velocity + part * (next.velocity - self.velocity),
             take_up: self.take_up + part * (next.take_up - self.take_up),
             apart: self.apart + part * (next.apart - self.apart),
+            coupled: self.coupled + part * (next.coupled - self.coupled),
         }
     }
 
@@ -51,7 +54,7 @@ impl Planned {
 
     /// What the drive of a side is sent, mm.
     pub(super) fn of_side(self, side: usize) -> f64 {
-        self.sent() + OUTWARDS[side] * self.apart
+        self.sent() + OUTWARDS[side] * (self.apart + self.coupled)
     }
 }
 

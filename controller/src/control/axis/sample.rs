@@ -16,6 +16,8 @@ pub struct AxisSample {
     /// Of a gantry: how far the second side was planned beyond the first, where that is being taken
     /// out, mm.
     pub apart: f64,
+    /// How far it was sent beyond that, so that its sides go together, mm.
+    pub coupled: f64,
     /// Actual position in the plan's frame, mm; of a gantry the mean of its sides.
     pub middle: f64,
     /// What the drives told of their torque at this SYNC.

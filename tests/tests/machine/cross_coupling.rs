@@ -1,0 +1,380 @@
+//! Gantries whose sides are coupled across, beside the same without: what it helps, that it keeps the limits, and where it is refused.
+
+use super::homing::{settle, state};
+use proptest::prelude::*;
+use syncline_controller::control::{End, Event, Phase, State};
+use syncline_controller::machine::Machine;
+use syncline_controller::session::Command;
+use syncline_drives::twin::{Disturbance, ErrorClass};
+use syncline_gcode::AxisLetter;
+use syncline_tests::command::{Folder, machine_with};
+use syncline_tests::rig::Rig;
+
+const Y: usize = 2;
+
+/// There and back, with reversals and a dwell.
+const PROGRAM: &str =
+    "G21 G90 G64\nG1 X300 F30000\nX100 F18000\nX110 F3000\nX100\nG4 P0.3\nG1 X400 F36000\nX0\nM2\n";
+
+/// The portal's X, without what its drives supervise themselves.
+const PLAIN: (&str, &str) = (
+    "following_error_limit = 2.0\nskew_limit = 0.5\nstandstill_window = 0.05\ndrive_following_error = true\n",
+    "following_error_limit = 80.0\nskew_limit = 40.0\nstandstill_window = 0.05\n",
+);
+
+/// A gantry as it is drawn.
+#[derive(Clone, Debug)]
+struct Drawn {
+    cycle_ms: u32,
+    /// Stiffness of what holds the beam square, N·m/rad; none: each side is by itself.
+    beam: Option<f64>,
+    /// Of the position loops, 1/s.
+    gains: [f64; 2],
+    /// Share of the velocity that goes straight to the speed loops.
+    forward: f64,
+    friction: f64,
+    noise: f64,
+    /// Part of the span that the carriage stands aside of the middle.
+    aside: f64,
+}
+
+impl Drawn {
+    /// An even one, whose drives are as they are delivered.
+    fn even() -> Self {
+        Self {
+            cycle_ms: 2,
+            beam: Some(2e6),
+            gains: [80.0; 2],
+            forward: 1.0,
+            friction: 10.0,
+            noise: 1.0,
+            aside: 0.0,
+        }
+    }
+
+    /// With these keys besides.
+    fn rig(&self, keys: &str, program: &str) -> Rig {
+        let Self {
+            friction, noise, ..
+        } = self;
+        let of_side = format!("friction = {friction:?}, encoder_noise = {noise:?}");
+        let simulation = match self.beam {
+            Some(stiffness) => format!(
+                "mechanics = \"rigid_beam\", mass = 80.0, inertia = 15.0, span = 1500.0, racking_stiffness = {stiffness:?}, \
+                 racking_damping = {:?}, carriage = \"Y\", carriage_mass = 40.0, {of_side}",
+                stiffness * 2e-4
+            ),
+            None => format!("load = 40.0, {of_side}"),
+        };
+        let axis = format!("{}{keys}simulation = {{ {simulation} }}\n", PLAIN.1);
+        let [one, other] = self.gains.map(|gain| {
+            let [gain, forward] = [10.0 * gain, 1000.0 * self.forward].map(f64::round);
+            format!("sdo = [[\"3012:3\", {gain}], [\"3012:6\", {forward}]]\n")
+        });
+        let [one, other] = [
+            format!("zero = 1_250_000\n{one}"),
+            format!("zero = -843_776\n{other}"),
+        ];
+        let cycle = format!("cycle_us = {}", 1000 * self.cycle_ms);
+        let stands = format!("G0 Y{:.1}\n", 500.0 + 1000.0 * self.aside);
+        let program = program.replacen("G64\n", &format!("G64\n{stands}"), 1);
+        Rig::new(
+            "portal",
+            &[
+                (PLAIN.0, &axis),
+                ("zero = 1_250_000\n", &one),
+                ("zero = -843_776\n", &other),
+                ("cycle_us = 2000", &cycle),
+            ],
+            &program,
+            |_, _| (),
+        )
+    }
+
+    /// Greatest and RMS skew, mm, racking torque, N·m, and time of motion, s, of a run that passes.
+    fn run(&self, keys: &str) -> [f64; 4] {
+        let mut rig = self.rig(keys, PROGRAM);
+        assert_eq!(
+            rig.finish(),
+            End::Finished,
+            "{self:?} {keys}: {:?}",
+            rig.events
+        );
+        let summary = rig.judge();
+        assert_eq!(
+            summary.verdict, "pass",
+            "{self:?} {keys}: {:?}",
+            summary.violations
+        );
+        let gantry = &summary.gantries[0];
+        [
+            gantry.max_skew_mm,
+            gantry.rms_skew_mm,
+            gantry.max_racking_torque.unwrap_or_default(),
+            summary.times.motion_s,
+        ]
+    }
+}
+
+fn coupled(position_gain: f64, more: &str) -> String {
+    format!("cross_coupling = {{ position_gain = {position_gain:?}, limit = 2.5{more} }}\n")
+}
+
+/// A side whose loop is set lower lasts as long as the axis moves, and is taken out.
+#[test]
+fn a_side_that_is_set_lower_is_kept_with_the_other() {
+    let gantry = Drawn {
+        gains: [80.0, 70.0],
+        forward: 0.0,
+        ..Drawn::even()
+    };
+    let [open, closed, fast] =
+        ["", &coupled(60.0, ""), &coupled(60.0, ", gain = 20.0")].map(|keys| gantry.run(keys));
+    println!("without {open:.4?}, with {closed:.4?}, at the greatest gain {fast:.4?}");
+    assert!(closed[1] < 0.55 * open[1], "{closed:?} {open:?}");
+    assert!(closed[0] < 0.8 * open[0], "{closed:?} {open:?}");
+    assert!(fast[1] < 0.4 * open[1], "{fast:?} {open:?}");
+}
+
+/// An even gantry is as it was.
+#[test]
+fn an_even_gantry_is_no_worse() {
+    for beam in [None, Some(0.0), Some(2e6), Some(2e8)] {
+        let gantry = Drawn {
+            beam,
+            ..Drawn::even()
+        };
+        let [open, closed] = ["", &coupled(60.0, "")].map(|keys| gantry.run(keys));
+        println!("{beam:?}: without {open:.4?}, with {closed:.4?}");
+        assert!(
+            closed[0] < open[0] + 0.002 && closed[1] < open[1] + 0.0005,
+            "{closed:?} {open:?}"
+        );
+    }
+}
+
+fn drawn() -> impl Strategy<Value = (Drawn, f64, f64)> {
+    let beam = prop_oneof![
+        Just(None),
+        Just(Some(0.0)),
+        (4.0..8.0_f64).prop_map(|it| Some(10_f64.powf(it)))
+    ];
+    let gains = [45.0..140.0_f64, 0.7..1.3_f64];
+    let forward = prop_oneof![Just(0.0), Just(1.0), 0.0..1.0_f64];
+    let more = (forward, 0.0..60.0_f64, 0.0..4.0_f64, -0.4..0.4_f64);
+    (2..=10_u32, beam, gains, more, 0.6..1.5_f64, 0.1..1.0_f64).prop_map(
+        |(cycle_ms, beam, [gain, other], (forward, friction, noise, aside), stated, part)| {
+            let gains = [gain, gain * other];
+            let drawn = Drawn {
+                cycle_ms,
+                beam,
+                gains,
+                forward,
+                friction,
+                noise,
+                aside,
+            };
+            (drawn, stated * gains[0].min(gains[1]), part)
+        },
+    )
+}
+
+/// The greatest `gain` that is allowed of a machine with such keys, 1/s.
+fn greatest(drawn: &Drawn, position_gain: f64) -> f64 {
+    let rig = drawn.rig(&coupled(position_gain, ""), PROGRAM);
+    let axis = &rig.machine.axes[0];
+    2.0 * axis.cross_coupling.expect("it is coupled").gain
+}
+
+fn no_drawn_gantry_is_worse(drawn: &Drawn, position_gain: f64, part: f64) {
+    let gain = part * greatest(drawn, position_gain);
+    let keys = coupled(position_gain, &format!(", gain = {gain:.3}"));
+    let [open, closed] = ["", &keys].map(|keys| drawn.run(keys));
+    println!("{drawn:?} {keys}: without {open:.4?}, with {closed:.4?}");
+    assert!(
+        closed[1] <= 1.1 * open[1] + 0.002,
+        "{closed:.4?} {open:.4?}: {drawn:?} {keys}"
+    );
+    assert!(
+        closed[0] <= 1.3 * open[0] + 0.005,
+        "{closed:.4?} {open:.4?}: {drawn:?} {keys}"
+    );
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 12, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// At any gain that is accepted: what is sent keeps every limit, nothing swings, and no gantry racks more than without.
+    #[test]
+    fn drawn_gantries_are_no_worse((drawn, position_gain, part) in drawn()) {
+        no_drawn_gantry_is_worse(&drawn, position_gain, part);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    #[ignore = "takes minutes"]
+    fn two_hundred_drawn_gantries_are_no_worse((drawn, position_gain, part) in drawn()) {
+        no_drawn_gantry_is_worse(&drawn, position_gain, part);
+    }
+}
+
+/// One whose second side is set lower.
+fn uneven() -> Drawn {
+    Drawn {
+        gains: [80.0, 60.0],
+        forward: 0.0,
+        ..Drawn::even()
+    }
+}
+
+/// From the fault of another axis on what the sides are sent apart runs out within its share, and nothing of it comes back as the axis
+/// slows down.
+#[test]
+fn it_is_held_while_a_fault_stops_the_machine() {
+    let mut rig = uneven().rig(&coupled(60.0, ""), "G21 G90 G64\nG1 X1400 F36000\nM2\n");
+    let x = AxisLetter::X.index();
+    rig.run_until(|rig| {
+        rig.rows
+            .last()
+            .is_some_and(|row| row.axes[x].coupled.abs() > 1.0)
+    });
+    rig.twin(Y)
+        .disturb(Disturbance::Fault(ErrorClass::StopAndSwitchOff));
+    rig.run_to(Phase::Stop);
+    let at = rig.rows.len();
+    rig.run_until(|rig| rig.rows[rig.rows.len() - 1].plan.velocity[x] == 0.0);
+    let coupled = |row: usize| rig.rows[row].axes[x].coupled;
+    let (fault, end) = (coupled(at - 1), coupled(rig.rows.len() - 1));
+    let of = rig.machine.axes[0].cross_coupling.expect("it is coupled");
+    // And a few cycles go by until the fault is seen.
+    let runs_on = 0.5 * of.rate * of.rate / of.slew + 2.0 * of.rate / of.smoothing + 0.01 * of.rate;
+    assert!((end - fault).abs() < runs_on, "{fault} {end} {runs_on}");
+    let settled = at + 90;
+    assert!(rig.rows.len() > settled + 30, "{}", rig.rows.len() - at);
+    let went = (coupled(settled) - end).abs();
+    assert!(went < 1e-3, "{went}");
+    rig.finish();
+    let summary = rig.judge();
+    let limits = ["velocity", "acceleration", "jerk", "soft"];
+    let beyond = summary
+        .violations
+        .iter()
+        .filter(|it| limits.iter().any(|what| it.what.contains(what)));
+    assert_eq!(beyond.count(), 0, "{:?}", summary.violations);
+}
+
+/// A limit that does not suffice is told once; what is sent keeps to it.
+#[test]
+fn a_limit_that_does_not_suffice_is_told_once() {
+    let keys = "cross_coupling = { position_gain = 60.0, limit = 0.05 }\n";
+    let mut rig = uneven().rig(keys, PROGRAM);
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    let told = |it: &&Event| matches!(it, Event::CouplingEnds { axis: 0, limit } if *limit == 0.05);
+    assert_eq!(
+        rig.events.iter().filter(told).count(),
+        1,
+        "{:?}",
+        rig.events
+    );
+    let x = AxisLetter::X.index();
+    let greatest = rig.rows.iter().map(|row| row.axes[x].coupled.abs());
+    let greatest = greatest.fold(0.0, f64::max);
+    assert!((0.045..0.05 + 1e-9).contains(&greatest), "{greatest}");
+    let summary = rig.judge();
+    assert_eq!(summary.verdict, "pass", "{:?}", summary.violations);
+    let told = summary.gantries[0].max_coupling_mm.expect("it is coupled");
+    assert!((told - greatest).abs() < 1e-9, "{told} {greatest}");
+}
+
+/// Each disabling ends it: it begins with nothing.
+#[test]
+fn it_begins_anew_as_drives_are_enabled() {
+    let keys = coupled(60.0, "");
+    let changes = [(PLAIN.0, &*format!("{}{keys}", PLAIN.1))];
+    let mut rig = Rig::staying_on("portal", &changes, |_, _| ());
+    settle(&mut rig);
+    let x = AxisLetter::X.index();
+    rig.command(Command::Mdi("G1 X200 F20000".to_owned()));
+    settle(&mut rig);
+    assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+    rig.command(Command::Disable);
+    settle(&mut rig);
+    rig.command(Command::Enable);
+    settle(&mut rig);
+    assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+    assert_eq!(rig.rows[rig.rows.len() - 1].axes[x].coupled, 0.0);
+}
+
+/// What a machine file says wrongly, or of drives that cannot be coupled.
+#[test]
+fn what_cannot_be_coupled_is_refused() {
+    let folder = Folder::new();
+    let skew = "skew_limit = 0.5\n";
+    let with = |keys: &str| format!("{skew}cross_coupling = {{ {keys} }}\n");
+    let told = |changes: &[(&str, &str)]| {
+        let file = folder.file("portal.toml", &machine_with("portal", changes));
+        Machine::load(&file)
+            .map(|_| ())
+            .expect_err(&format!("{changes:?}"))
+            .to_string()
+    };
+    for (keys, parts) in [
+        ("limit = 0.2", &["position_gain", "1 to 1000 (1/s)"][..]),
+        (
+            "position_gain = 60.0",
+            &["limit", "at most 0.25 (mm), half of `skew_limit`"],
+        ),
+        (
+            "position_gain = 60.0, limit = 0.3",
+            &["limit", "half of `skew_limit`"],
+        ),
+        (
+            "position_gain = 60.0, limit = 0.2, gain = 21.0",
+            &[
+                "may swing against each other",
+                "allowed: up to",
+                "half of that",
+            ],
+        ),
+        (
+            "position_gain = 60.0, limit = 0.2, dead_zone = 0.3",
+            &["dead_zone", "its `limit`"],
+        ),
+        (
+            "position_gain = 60.0, limit = 0.2, gian = 2.0",
+            &["gian", "`gain`"],
+        ),
+    ] {
+        let told = told(&[(skew, &with(keys))]);
+        for part in parts {
+            assert!(told.contains(part), "{keys}: {told}");
+        }
+    }
+    let one = "drives = [\"Y\"]\n";
+    let coupled = format!("{one}cross_coupling = {{ position_gain = 60.0, limit = 0.2 }}\n");
+    let one = told(&[(one, &coupled)]);
+    assert!(one.contains("`cross_coupling` of one drive"), "{one}");
+    let good = with("position_gain = 60.0, limit = 0.2");
+    let velocities = told(&[
+        (skew, &good),
+        (
+            "name = \"X1\"\nbus = \"portal\"\nnode = 1\nmodel = \"lxm32m\"",
+            "name = \"X1\"\nbus = \"portal\"\nnode = 1\nmodel = \"cia402_csv\"",
+        ),
+        (
+            "name = \"X2\"\nbus = \"portal\"\nnode = 2\nmodel = \"lxm32m\"",
+            "name = \"X2\"\nbus = \"portal\"\nnode = 2\nmodel = \"cia402_csv\"",
+        ),
+        (
+            "drive_following_error = true\ndrive_soft_limits = true\n",
+            "",
+        ),
+    ]);
+    assert!(
+        velocities.contains("drive \"X1\"") && velocities.contains("is sent velocities"),
+        "{velocities}"
+    );
+}
