@@ -10,7 +10,7 @@ use super::super::case::Case;
 use super::super::machine::ErrorSpec;
 use super::scene::{DISTURBED, NOISE, SWAYS};
 use super::{Checker, Found, Scene};
-use crate::control::Phase;
+use crate::control::{Phase, State};
 use crate::machine::Machine;
 use std::collections::VecDeque;
 use syncline_canopen::Instant;
@@ -30,6 +30,8 @@ const STANDS: f64 = 2.0 * SWAYS;
 /// Sweeps in which slopes are found, to the last digits.
 const SWEEPS: usize = 80;
 
+/// Increments that rounding has two sides differ, now and at first.
+const TOGETHER: f64 = 2.1;
 /// Steps in which a position is found of which the correction is known: each leaves a tenth at the most.
 const STEPS: usize = 12;
 
@@ -202,6 +204,8 @@ struct Watched {
     reached: f64,
     /// Which way that is: 1 or −1; `None` if nobody knows the flank.
     direction: Option<f64>,
+    /// How far the drive of its second side was sent beyond that of the first one as it was seen first, mm.
+    apart: Option<f64>,
 }
 
 impl Watched {
@@ -280,6 +284,7 @@ impl Checker for Carriage {
                 *watched = Watched::default();
                 continue;
             };
+            sent_together(scene, index, watched, &sent, found);
             let sent = sent.iter().sum::<f64>() / sent.len() as f64;
             let resolution = scene.machine.drives[axis.drives[0]].scaling.resolution();
             watched.go_on(scene.commanded[index], sent, resolution, scene.seconds());
@@ -289,6 +294,35 @@ impl Checker for Carriage {
             sent_there(scene, index, watched, resolution, found);
             stands_there(scene, index, watched, resolution, found);
         }
+    }
+}
+
+/// Its sides are sent as far apart as they began, but for what their coupling may add, and what a homing takes out.
+fn sent_together(
+    scene: &Scene<'_>,
+    index: usize,
+    watched: &mut Watched,
+    sent: &[f64],
+    found: &mut Found,
+) {
+    let axis = &scene.machine.axes[index];
+    let &[one, other] = sent else { return };
+    if scene.state == State::Homing {
+        watched.apart = None;
+        return;
+    }
+    let apart = other - one - *watched.apart.get_or_insert(other - one);
+    let resolution = (axis.drives.iter())
+        .map(|&drive| scene.machine.drives[drive].scaling.resolution())
+        .fold(0.0, f64::max);
+    // Where it was seen first it was sent apart, too.
+    let limit = 2.0 * axis.cross_coupling.map_or(0.0, |it| it.limit);
+    let allowed = limit + TOGETHER * resolution;
+    if apart.abs() > allowed {
+        found.violate(NAME, scene, "sides that are sent apart", || {
+            let name = axis.name();
+            format!("axis {name}: {apart} mm further apart than at first, allowed {allowed}")
+        });
     }
 }
 

@@ -124,7 +124,10 @@ fn outside(
     let position = scene.axis(axis, scene.mm(drive, latched));
     let (least, most) = limits.position;
     let beyond = (least - position).max(position - most);
-    let aside = limits.skew.unwrap_or(0.0) + scene.unknown(axis);
+    let coupling = scene.machine.axes[axis].cross_coupling;
+    let aside = limits.skew.unwrap_or(0.0)
+        + scene.unknown(axis)
+        + 0.5 * coupling.map_or(0.0, |it| it.limit);
     let allowed = limits.standstill + aside + increment;
     if beyond > allowed {
         found.violate(NAME, scene, "soft limits", || {

@@ -60,6 +60,9 @@ pub struct AxisSpec {
     /// What its setpoints are corrected by.
     #[serde(default)]
     pub corrected: Option<ErrorSpec>,
+    /// How its sides are coupled: the inside of `cross_coupling`.
+    #[serde(default)]
+    pub cross_coupling: Option<String>,
     /// What is between its motors and its carriage.
     #[serde(default)]
     pub transmission: Option<TransmissionSpec>,
@@ -259,6 +262,7 @@ impl AxisSpec {
             goes: false,
             position_loss: None,
             corrected: None,
+            cross_coupling: None,
             transmission: None,
             warmth: None,
             stopped_by_hardware: false,
@@ -512,6 +516,9 @@ impl AxisSpec {
         }
         if let Some(errors) = &self.corrected {
             errors.write(text);
+        }
+        if let Some(inside) = &self.cross_coupling {
+            let _ = writeln!(text, "cross_coupling = {{ {inside} }}");
         }
         let inside = [self.simulation.clone(), self.between()];
         let inside: Vec<String> = inside.into_iter().flatten().collect();

@@ -1,6 +1,6 @@
 //! How gantries of a random machine are taken square, and homed, and how drives home by themselves.
 
-use super::super::dice::Dice;
+use super::super::dice::{Dice, rounded};
 use super::axis::{AxisSpec, digits};
 use super::wires::{HOME, Wire};
 
@@ -26,6 +26,17 @@ impl AxisSpec {
     /// How far the sides of a gantry may be apart, mm.
     pub(super) fn skew_limit(&self) -> f64 {
         digits(0.1 * self.travel)
+    }
+
+    /// Has its sides be coupled: by loops that are stated to be so fast, 1/s, by a part of what they may be apart, and by a gain.
+    pub(super) fn couple(&mut self, loops: f64, part: f64, gain: Option<f64>) {
+        let limit = part * self.skew_limit();
+        let gain = gain.map_or_else(String::new, |gain| format!(", gain = {}", rounded(gain, 3)));
+        self.cross_coupling = Some(format!(
+            "position_gain = {}, limit = {}{gain}",
+            rounded(loops, 1),
+            rounded(limit, 6)
+        ));
     }
 
     /// A place inside the soft limits of a gantry where neither side is beyond them, as far as they are apart, mm.

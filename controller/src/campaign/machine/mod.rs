@@ -193,6 +193,7 @@ impl MachineSpec {
         machine.choose_method(&mut Dice::new(seed, 32));
         machine.warm(&mut Dice::new(seed, 38));
         machine.tie(&mut Dice::new(seed, 39));
+        machine.couple(&mut Dice::new(seed, 42));
         machine.stop_together = Dice::new(seed, 33).chance(0.2);
         machine
     }
@@ -517,6 +518,22 @@ impl MachineSpec {
         self.change_each(|axis| {
             if dice.chance(0.5) && axis.drives.len() == 2 {
                 axis.tie(dice, &carriages);
+            }
+        });
+    }
+
+    /// Has the sides of some gantries be coupled, however fast the drives' loops are really.
+    fn couple(&mut self, dice: &mut Dice) {
+        let period = f64::from(self.cycle_us) * 1e-6;
+        self.change_each(|axis| {
+            let asked = dice.chance(1.0 / 3.0);
+            let (loops, limit) = (dice.between(10.0, 200.0), dice.between(0.05, 0.5));
+            let (stated, part) = (dice.chance(0.5), dice.between(0.1, 1.0));
+            if asked && axis.drives.len() == 2 {
+                // No drive's latency is more than three cycles.
+                let most = 0.25 / (4.0 * period + 1.0 / loops);
+                let gain = stated.then_some(part * most);
+                axis.couple(loops, limit, gain);
             }
         });
     }
@@ -866,7 +883,7 @@ mod tests {
         let (mut wires, mut homed, mut switches, mut encoders, mut shapers) = (0, 0, 0, 0, 0);
         let (mut spindles, mut measured, mut indices, mut torques) = (0, 0, 0, 0);
         let (mut corrected, mut fitting, mut plays, mut weights, mut greased) = (0, 0, 0, 0, 0);
-        let (mut methods, mut told) = (0, 0);
+        let (mut methods, mut told, mut coupled) = (0, 0, 0);
         let (mut squared, mut by_drive, mut tied, mut warm, mut stopped) = (0, 0, 0, 0, 0);
         let (mut velocities, mut goers, mut steppers, mut loops, mut described) = (0, 0, 0, 0, 0);
         for seed in 0..300 {
@@ -906,6 +923,7 @@ mod tests {
                         .is_some_and(|it| it.contains("beam")),
                 );
                 warm += usize::from(axis.warmth.is_some());
+                coupled += usize::from(axis.cross_coupling.is_some());
                 stopped += usize::from(axis.stopped_by_hardware);
                 let carriage = axis.transmission.as_ref().map(|it| &it.errors);
                 corrected += usize::from(axis.corrected.is_some());
@@ -925,7 +943,10 @@ mod tests {
             corrected > 100 && fitting > 50 && plays > 50 && weights > 100 && greased > 80,
             "{corrected} {fitting} {plays} {weights} {greased}"
         );
-        assert!(methods > 10 && told > 10, "{methods} {told}");
+        assert!(
+            methods > 10 && told > 10 && coupled > 20,
+            "{methods} {told} {coupled}"
+        );
         assert!(
             squared > 30 && by_drive > 20 && tied > 20 && warm > 30 && stopped > 3,
             "{squared} {by_drive} {tied} {warm} {stopped}"
