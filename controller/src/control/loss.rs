@@ -171,7 +171,7 @@ impl Layout {
     pub fn supervision(&self, device: DeviceIndex) -> String {
         let notices: Vec<String> = self.notices(device).map(|it| it.to_string()).collect();
         format!(
-            "{}: {}what it tells counts within {}; its loss shows by {}; {}{}{}{}",
+            "{}: {}what it tells counts within {}; its loss shows by {}; {}{}{}{}{}",
             self.who(device),
             match self.devices[device].device.spec().sync_divider {
                 1 => String::new(),
@@ -183,7 +183,20 @@ impl Layout {
             self.deaf(device).unwrap_or_default(),
             self.compares(device).unwrap_or_default(),
             self.extrapolates(device).unwrap_or_default(),
+            self.couples(device).unwrap_or_default(),
         )
+    }
+
+    /// How the second side of a gantry is coupled to the first one.
+    fn couples(&self, device: DeviceIndex) -> Option<String> {
+        let axis = self.axis_of(device)?;
+        let it = axis
+            .cross_coupling
+            .filter(|_| axis.drives.last() == Some(&device))?;
+        Some(format!(
+            "; the sides of axis {} are coupled across, with a gain of {:.1} 1/s, up to {:.1} allowed, and are sent apart by {} {} at the most",
+            axis.name, it.gain, it.greatest_gain, it.limit, axis.unit
+        ))
     }
 
     /// How a drive shows that it hears no R_PDOs any more, because something has taken it out of NMT Operational, where nothing

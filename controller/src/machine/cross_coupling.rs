@@ -64,6 +64,8 @@ const KEY: &str = "cross_coupling";
 pub struct CrossCoupling {
     /// As fast their setpoints are moved against each other for a difference, 1/s.
     pub gain: f64,
+    /// And the greatest that is allowed with these drives, 1/s.
+    pub greatest_gain: f64,
     /// For how long the difference is taken to go on as it changes, s.
     pub lead: f64,
     /// As far they are, mm.
@@ -235,6 +237,7 @@ fn couple(
     });
     let mut coupling = CrossCoupling {
         gain: table.gain.as_ref().map_or(usual, |it| *it.get_ref()),
+        greatest_gain: most,
         lead,
         limit: table.limit,
         dead_zone: table.dead_zone.unwrap_or(coarse.fold(0.0, f64::max)),

@@ -10,6 +10,7 @@ use syncline_gcode::AxisLetter;
 use syncline_tests::command::{Folder, machine_with};
 use syncline_tests::rig::Rig;
 
+const X2: usize = 1;
 const Y: usize = 2;
 
 /// There and back, with reversals and a dwell.
@@ -33,6 +34,8 @@ struct Drawn {
     /// Share of the velocity that goes straight to the speed loops.
     forward: f64,
     friction: f64,
+    /// So many times as much has the second side, where each is by itself.
+    harder: f64,
     noise: f64,
     /// Part of the span that the carriage stands aside of the middle.
     aside: f64,
@@ -47,6 +50,7 @@ impl Drawn {
             gains: [80.0; 2],
             forward: 1.0,
             friction: 10.0,
+            harder: 1.0,
             noise: 1.0,
             aside: 0.0,
         }
@@ -87,7 +91,13 @@ impl Drawn {
                 ("cycle_us = 2000", &cycle),
             ],
             &program,
-            |_, _| (),
+            |drive, config| {
+                if drive == X2
+                    && let Some(axis) = &mut config.axis
+                {
+                    axis.train.guide.coulomb *= self.harder;
+                }
+            },
         )
     }
 
@@ -171,6 +181,7 @@ fn drawn() -> impl Strategy<Value = (Drawn, f64, f64)> {
                 gains,
                 forward,
                 friction,
+                harder: 1.0,
                 noise,
                 aside,
             };
@@ -377,4 +388,94 @@ fn what_cannot_be_coupled_is_refused() {
         velocities.contains("drive \"X1\"") && velocities.contains("is sent velocities"),
         "{velocities}"
     );
+}
+
+/// What docs/measured.md has of it.
+#[test]
+#[ignore = "prints a table"]
+fn gantries_without_and_with_it() {
+    let slow = Drawn {
+        forward: 0.0,
+        ..Drawn::even()
+    };
+    let cases = [
+        (
+            "even, stiff",
+            Drawn {
+                beam: Some(2e8),
+                ..Drawn::even()
+            },
+        ),
+        ("even", Drawn::even()),
+        (
+            "one gain lower",
+            Drawn {
+                gains: [80.0, 60.0],
+                ..slow.clone()
+            },
+        ),
+        (
+            "one gain a little lower",
+            Drawn {
+                gains: [80.0, 76.0],
+                ..slow.clone()
+            },
+        ),
+        (
+            "one gain lower, feed-forward",
+            Drawn {
+                gains: [80.0, 40.0],
+                ..Drawn::even()
+            },
+        ),
+        (
+            "carriage aside",
+            Drawn {
+                aside: 0.4,
+                ..slow.clone()
+            },
+        ),
+        (
+            "carriage aside, no racking stiffness",
+            Drawn {
+                aside: 0.4,
+                beam: Some(0.0),
+                ..slow.clone()
+            },
+        ),
+        (
+            "carriage aside, feed-forward",
+            Drawn {
+                aside: 0.4,
+                ..Drawn::even()
+            },
+        ),
+        (
+            "more friction",
+            Drawn {
+                beam: None,
+                friction: 40.0,
+                harder: 5.0,
+                ..slow.clone()
+            },
+        ),
+        (
+            "more friction, feed-forward",
+            Drawn {
+                beam: None,
+                friction: 40.0,
+                harder: 5.0,
+                ..Drawn::even()
+            },
+        ),
+    ];
+    for (name, gantry) in cases {
+        let [open, closed, fast] =
+            ["", &coupled(60.0, ""), &coupled(60.0, ", gain = 20.0")].map(|keys| gantry.run(keys));
+        let columns = [0, 1, 2].map(|of| {
+            let [open, closed, fast] = [open, closed, fast].map(|it| it[of]);
+            format!("{open:.4} | {closed:.4} | {fast:.4}")
+        });
+        println!("| {name} | {} |", columns.join(" | "));
+    }
 }

@@ -307,7 +307,9 @@ fn sent_together(
 ) {
     let axis = &scene.machine.axes[index];
     let &[one, other] = sent else { return };
-    if scene.state == State::Homing {
+    // A stop may be one of sides that were being taken square; of a burst that is late both sides are not sent the same instant.
+    let is_certain = scene.phase == Phase::Program && !scene.is_disturbed(DISTURBED);
+    if scene.state == State::Homing || !is_certain {
         watched.apart = None;
         return;
     }

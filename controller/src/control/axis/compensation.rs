@@ -207,10 +207,14 @@ impl AxisControl {
         self.place_compensation(self.is_placed());
     }
 
-    /// Where its carriage is between the flanks is not known: its drives are off, or have gone by themselves.
+    /// Where its carriage is between the flanks is not known: its drives are off, or have gone by themselves. Nor are its sides sent
+    /// apart any more.
     pub(super) fn forget_flank(&mut self) {
         if let Some(compensation) = &mut self.compensation {
             compensation.forget_flank();
+        }
+        if let Some(coupling) = &mut self.coupling {
+            coupling.begin_anew();
         }
     }
 

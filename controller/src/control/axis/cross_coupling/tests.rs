@@ -24,6 +24,7 @@ fn coupling(of: CrossCoupling, period: f64) -> Coupling {
 fn drawn(time: f64, part: f64, slew: f64, limit: f64) -> CrossCoupling {
     CrossCoupling {
         gain: part * 0.25 / time,
+        greatest_gain: 0.25 / time,
         lead: 0.0,
         limit,
         dead_zone: 1e-3,
