@@ -673,11 +673,8 @@ impl fmt::Display for DriveSummary {
 /// As a person reads it, but for the axis.
 impl fmt::Display for GantrySummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "skew max {:.4} mm in {}, rms {:.4} mm",
-            self.max_skew_mm, self.max_skew_at, self.rms_skew_mm
-        )?;
+        let (most, at, rms) = (self.max_skew_mm, self.max_skew_at, self.rms_skew_mm);
+        write!(f, "skew max {most:.4} mm in {at}, rms {rms:.4} mm")?;
         if let Some((most, at)) = self.max_coupling_mm.zip(self.max_coupling_at) {
             write!(f, "; cross-coupling max {most:.4} mm in {at}")?;
         }
