@@ -25,9 +25,8 @@
 //! are no less; about sides with three and with ten times of it, as where a stiff beam has them answer more slowly than their loops, it has a margin of 2.8
 //! at the least. (Found for delays of a tenth to twice 1 / `position_gain`, from the open loop over frequency.)
 //!
-//! Where `slew` bounds z, ż is late besides. `rate` is no more than slew / (2 gain): so a difference that decays as the loop has it never asks for more
-//! than half of `slew`, and no swing of ż is bounded by it that is slower than 2 gain. What is faster the loop does not keep up, as its
-//! gain is less than a half there.
+//! Where `slew` bounds z, ż is late besides. `rate` is no more than slew / gain: so a difference that decays as the loop has it never asks for more than
+//! `slew`, and no swing of ż is bounded by it that is slower than the loop's own. What is faster the loop takes part in the less the faster it is.
 //!
 //! # Why the limits hold
 //!
@@ -106,7 +105,7 @@ impl CrossCoupling {
         let slew = acceleration * limits.acceleration;
         // Each side has half of it.
         self.slew = 2.0 * slew.min(jerk * limits.jerk * E / (2.0 * self.smoothing));
-        self.rate = (2.0 * velocity * limits.velocity).min(0.5 * self.slew / self.gain);
+        self.rate = (2.0 * velocity * limits.velocity).min(self.slew / self.gain);
     }
 }
 

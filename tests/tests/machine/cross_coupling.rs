@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use syncline_controller::control::{End, Event, Phase, State};
 use syncline_controller::machine::Machine;
 use syncline_controller::session::Command;
-use syncline_drives::twin::{Disturbance, ErrorClass};
+use syncline_drives::twin::{Config, Disturbance, ErrorClass};
 use syncline_gcode::AxisLetter;
 use syncline_tests::command::{Folder, machine_with};
 use syncline_tests::rig::Rig;
@@ -56,8 +56,15 @@ impl Drawn {
         }
     }
 
-    /// With these keys besides.
+    /// With these keys besides, and a program.
     fn rig(&self, keys: &str, program: &str) -> Rig {
+        let stands = format!("G0 Y{:.1}\n", 500.0 + 1000.0 * self.aside);
+        let program = program.replacen("G64\n", &format!("G64\n{stands}"), 1);
+        self.switched_on(keys, Some(&program))
+    }
+
+    /// With or without a program.
+    fn switched_on(&self, keys: &str, program: Option<&str>) -> Rig {
         let Self {
             friction, noise, ..
         } = self;
@@ -80,25 +87,23 @@ impl Drawn {
             format!("zero = -843_776\n{other}"),
         ];
         let cycle = format!("cycle_us = {}", 1000 * self.cycle_ms);
-        let stands = format!("G0 Y{:.1}\n", 500.0 + 1000.0 * self.aside);
-        let program = program.replacen("G64\n", &format!("G64\n{stands}"), 1);
-        Rig::new(
-            "portal",
-            &[
-                (PLAIN.0, &axis),
-                ("zero = 1_250_000\n", &one),
-                ("zero = -843_776\n", &other),
-                ("cycle_us = 2000", &cycle),
-            ],
-            &program,
-            |drive, config| {
-                if drive == X2
-                    && let Some(axis) = &mut config.axis
-                {
-                    axis.train.guide.coulomb *= self.harder;
-                }
-            },
-        )
+        let changes: [(&str, &str); 4] = [
+            (PLAIN.0, &axis),
+            ("zero = 1_250_000\n", &one),
+            ("zero = -843_776\n", &other),
+            ("cycle_us = 2000", &cycle),
+        ];
+        let configure = |drive: usize, config: &mut Config| {
+            if drive == X2
+                && let Some(axis) = &mut config.axis
+            {
+                axis.train.guide.coulomb *= self.harder;
+            }
+        };
+        match program {
+            Some(program) => Rig::new("portal", &changes, program, configure),
+            None => Rig::staying_on("portal", &changes, configure),
+        }
     }
 
     /// Greatest and RMS skew, mm, racking torque, N·m, and time of motion, s, of a run that passes.
@@ -300,23 +305,24 @@ fn a_limit_that_does_not_suffice_is_told_once() {
     assert!((told - greatest).abs() < 1e-9, "{told} {greatest}");
 }
 
-/// Each disabling ends it: it begins with nothing.
+/// A fault holds what the sides are sent apart, and the reset behind it begins with nothing.
 #[test]
 fn it_begins_anew_as_drives_are_enabled() {
-    let keys = coupled(60.0, "");
-    let changes = [(PLAIN.0, &*format!("{}{keys}", PLAIN.1))];
-    let mut rig = Rig::staying_on("portal", &changes, |_, _| ());
+    let mut rig = uneven().switched_on(&coupled(60.0, ""), None);
     settle(&mut rig);
     let x = AxisLetter::X.index();
-    rig.command(Command::Mdi("G1 X200 F20000".to_owned()));
+    let sent = |rig: &Rig| rig.rows.last().map_or(0.0, |row| row.axes[x].coupled.abs());
+    rig.command(Command::Mdi("G1 X1400 F36000".to_owned()));
+    rig.run_until(|rig| sent(rig) > 1.0);
+    rig.twin(Y)
+        .disturb(Disturbance::Fault(ErrorClass::StopAndSwitchOff));
+    settle(&mut rig);
+    assert_eq!(state(&rig), State::Faulted, "{:?}", rig.events);
+    assert!(sent(&rig) > 0.5, "{}", sent(&rig));
+    rig.command(Command::Reset);
     settle(&mut rig);
     assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
-    rig.command(Command::Disable);
-    settle(&mut rig);
-    rig.command(Command::Enable);
-    settle(&mut rig);
-    assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
-    assert_eq!(rig.rows[rig.rows.len() - 1].axes[x].coupled, 0.0);
+    assert_eq!(sent(&rig), 0.0);
 }
 
 /// What a machine file says wrongly, or of drives that cannot be coupled.

@@ -28,7 +28,7 @@ fn drawn(time: f64, part: f64, slew: f64, limit: f64) -> CrossCoupling {
         lead: 0.0,
         limit,
         dead_zone: 1e-3,
-        rate: 0.5 * slew / (part * 0.25 / time),
+        rate: slew / (part * 0.25 / time),
         slew,
         smoothing: 2.0 / time,
     }
