@@ -115,7 +115,8 @@ impl<P: Port> VirtualMachine<P> {
         (machine, moves)
     }
 
-    /// The same, but it stays on, and its jobs come one by one.
+    /// The same, but it stays on, and its jobs come one by one. Its plans go round in their memory, all of which it takes at once: a
+    /// process then takes no more of it the longer it lasts.
     #[must_use]
     pub fn staying_on(
         world: World,
@@ -124,6 +125,7 @@ impl<P: Port> VirtualMachine<P> {
         frames: SharedFrames,
     ) -> Self {
         let mut machine = Self::with(world, ports, layout, frames);
+        machine.driver.controller.touch();
         machine.driver.controller.stay_on();
         machine
     }

@@ -85,7 +85,7 @@ impl Clock {
     #[inline]
     #[must_use]
     pub fn is_position_step(&self) -> bool {
-        (self.coming - 1) % SPEED_STEPS == 0
+        (self.coming - 1).is_multiple_of(SPEED_STEPS)
     }
 
     /// Time that has passed in the present step, s.
