@@ -11,8 +11,9 @@ use super::super::machine::ErrorSpec;
 use super::scene::{DISTURBED, NOISE, SWAYS};
 use super::{Checker, Found, Scene};
 use crate::control::{Phase, State};
-use crate::machine::Machine;
+use crate::machine::{Machine, Simulation};
 use std::collections::VecDeque;
+use std::f64::consts::TAU;
 use syncline_canopen::Instant;
 
 const NAME: &str = "carriage";
@@ -359,6 +360,18 @@ fn extent(all: impl Iterator<Item = f64> + Clone, [less, more]: [f64; 2]) -> [f6
     [least + less, all.fold(f64::NEG_INFINITY, f64::max) + more]
 }
 
+/// By how much the friction of its guide may hold what a drive moves away from it at rest, against a transmission that gives way, mm.
+fn wound(scene: &Scene<'_>, drive: usize) -> f64 {
+    let axis = &scene.machine.axes[scene.machine.drives[drive].axis];
+    let own = axis.simulation.as_ref().and_then(Simulation::driven);
+    let train = own.map(|own| scene.machine.at_shaft(drive, &own).train);
+    let twist = train.and_then(|train| {
+        let stiffness = train.elasticity?.stiffness;
+        Some(train.guide.level(0.0) / stiffness)
+    });
+    twist.map_or(0.0, |twist| twist / TAU * axis.mm_per_revolution.abs())
+}
+
 /// At rest the carriage is where the axis is, if what the machine file compensates is what it has.
 fn stands_there(
     scene: &Scene<'_>,
@@ -394,7 +407,8 @@ fn stands_there(
     let lines = (on_straight_lines(points, watched.planned())
         - corrected.curve.at(watched.planned()))
     .abs();
-    let allowed = STANDS * resolution + lines;
+    let wound = axis.drives.iter().map(|drive| wound(scene, *drive));
+    let allowed = STANDS * resolution + lines + wound.fold(0.0, f64::max);
     let off = (load - watched.planned()).abs();
     if off > allowed {
         found.violate(NAME, scene, "a carriage beside its axis", || {

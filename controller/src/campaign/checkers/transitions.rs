@@ -7,6 +7,7 @@ use crate::control::State;
 use crate::machine::Motion;
 use crate::session::Event;
 use syncline_canopen::cia402::{self, Statusword};
+use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, Instant, nmt};
 use syncline_drives::bus::{Sender, Transmission};
 
@@ -18,6 +19,8 @@ pub(super) struct Transitions {
     state: Option<State>,
     /// By drive: how far it is commanded.
     levels: Vec<Option<u8>>,
+    /// By drive: when a controlword came to it last.
+    came: Vec<Option<Instant>>,
     /// By drive: it said that it is not ready, since when; and when it was heard last.
     unready: Vec<(Option<Instant>, Instant)>,
 }
@@ -25,7 +28,7 @@ pub(super) struct Transitions {
 /// A drive that has said for so many cycles that it is not ready, and is heard, is waited for.
 const WAITED_FOR: f64 = 4.0;
 
-/// Cycles in which what follows bursts that were lost comes, beside those of the bursts.
+/// Cycles in which bursts may come that left before others were lost.
 const LOST_BESIDE: f64 = 2.0;
 
 /// Whether a drive that says this is ready to be enabled, or is enabled.
@@ -72,6 +75,14 @@ impl Transitions {
     /// The controlword of a drive, as it comes to it.
     fn controlword(&mut self, scene: &Scene<'_>, drive: usize, found: &mut Found) {
         self.levels.resize(scene.drives.len(), None);
+        self.came.resize(scene.drives.len(), None);
+        let came = self.came[drive];
+        if scene
+            .told_controlword
+            .is_some_and(|(told, _)| told == drive)
+        {
+            self.came[drive] = Some(scene.now);
+        }
         let now = scene.drives[drive].controlword.map(level);
         let before = std::mem::replace(&mut self.levels[drive], now);
         let (Some(now), before) = (now, before.unwrap_or(0)) else {
@@ -89,15 +100,16 @@ impl Transitions {
             let to_it = *bus == spec.bus && (*node == 0 || *node == spec.node.get());
             to_it && resets.map(|it| it as u8).contains(command) && scene.since(*at) < 1.0
         });
-        // What came between was lost with its bursts, of a drive that said meanwhile that it is ready, as some are without being told.
+        // What came between was lost with bursts, as none came since, of a drive that said meanwhile that it is ready, as some are
+        // without being told.
         let lost = now == 3
             && scene.drives[drive].statusword.is_some_and(is_ready)
             && scene.interferences.iter().any(|(at, what)| {
-                let Interference::Bus(bus, ToBus::DropBursts(count)) = what else {
+                let Interference::Bus(bus, ToBus::DropBursts(_)) = what else {
                     return false;
                 };
-                let cycles = f64::from(*count) + LOST_BESIDE;
-                *bus == spec.bus && scene.since(*at) < cycles * scene.period()
+                let beside = Duration::from_secs_f64(LOST_BESIDE * scene.period());
+                *bus == spec.bus && came.is_none_or(|came| came < *at + beside)
             });
         if leaps && !begun_anew && !lost {
             found.violate(NAME, scene, "a controlword leaps", || {
