@@ -234,6 +234,10 @@ impl Interference {
             Self::Drive(drive, ToDrive::Error(class)) if class > 3 => {
                 Some(Self::Drive(drive, ToDrive::Reset))
             }
+            // What an encoder has found stays.
+            Self::Drive(device, ToDrive::Error(_)) if device >= machine.drives() => {
+                Some(Self::Drive(device, ToDrive::ErrorPersists(false)))
+            }
             Self::Drive(device, ToDrive::Vendor(_)) => {
                 let own = ToDrive::Vendor(machine.vendor(device));
                 Some(Self::Drive(device, own))

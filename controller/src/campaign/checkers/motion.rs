@@ -95,7 +95,7 @@ impl Motion {
         let (latched, since) = &self.rests[drive];
         let changed = scene.since(*since) / scene.period();
         // What the state before sent is latched meanwhile, at the next SYNC, however late that comes.
-        let came = scene.since(scene.drives[drive].came_at) / scene.period();
+        let came = scene.since(scene.drives[drive].latched_came) / scene.period();
         if waits && latched.is_some() && changed < 0.5 && told > 4.0 && came < told {
             found.violate(
                 NAME,

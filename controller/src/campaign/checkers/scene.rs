@@ -131,6 +131,8 @@ pub struct DriveScene {
     pub came_at: Instant,
     /// What it latched at the last SYNC, all of the position.
     pub latched: Option<Increments>,
+    /// When that came.
+    pub latched_came: Instant,
     /// As many as came between the last two SYNCs.
     pub latched_of: u32,
     /// It was enabled and in its mode, as it said, when it latched.
@@ -429,6 +431,7 @@ impl<'a> Scene<'a> {
                 let known = before.or_else(|| plant.map(count));
                 let known = known.unwrap_or_default();
                 drive.latched = (drive.setpoint).map(|it| unwrapped(it, reader.range(), known));
+                drive.latched_came = drive.came_at;
                 drive.moves = followed && drive.in_effect && drive.latched != before;
                 drive.latched_of = std::mem::take(&mut drive.came);
             }
@@ -572,8 +575,14 @@ impl<'a> Scene<'a> {
                     let fastest = spec.drives.iter().map(|it| self.plants[*it].velocity.abs());
                     let speed = fastest.fold(0.0, f64::max) * spec.mm_per_revolution;
                     let went = TOLD_BEFORE * self.period() * speed;
+                    // A weight, or grease, holds it beside its setpoint for a while.
+                    let held = spec.drives.iter().filter_map(|it| {
+                        let sent = self.mm(*it, self.drives[*it].latched?);
+                        Some((sent - self.actual(*it)?).abs())
+                    });
+                    let held = held.fold(0.0, f64::max);
                     self.set_off[*axis] += corrected.drives(position) - actual;
-                    self.homed_off[*axis] = corrected.half + SWAYS * resolution + went;
+                    self.homed_off[*axis] = corrected.half + SWAYS * resolution + went + held;
                 } else {
                     self.homed_off[*axis] = corrected.greatest();
                 }
