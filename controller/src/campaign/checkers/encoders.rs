@@ -38,6 +38,8 @@ struct Watched {
     waits_for_rest: bool,
     /// Such a drive, a stepper, may have lost steps: its shaft was blocked, or it had no torque.
     loses_steps: bool,
+    /// Something holds its motor, or lets go of it.
+    is_held: bool,
     /// The last phase in which a drive of its axis learns its place from it; `None`: it does not.
     taught: Option<Phase>,
 }
@@ -123,11 +125,14 @@ impl Checker for Encoders {
     }
 
     fn interfered(&mut self, scene: &Scene<'_>, what: &Interference, _: &mut Found) {
-        if let Interference::Drive(drive, ToDrive::Block(true) | ToDrive::LoseTorque(true)) = what {
+        if let Interference::Drive(drive, ToDrive::Block(held) | ToDrive::LoseTorque(held)) = what {
             for (spec, watched) in scene.machine.encoders.iter().zip(&mut self.0) {
                 let axis = spec.axis.map(|axis| &scene.machine.axes[axis]);
                 let moves_it = axis.is_some_and(|axis| axis.drives.contains(drive));
-                watched.loses_steps |= moves_it && watched.waits_for_rest;
+                if moves_it && watched.waits_for_rest {
+                    watched.is_held = *held;
+                    watched.loses_steps |= *held;
+                }
             }
         }
         if let Interference::Slip(device, by) = what {
@@ -174,7 +179,8 @@ impl Checker for Encoders {
             let mut in_time = f64::from(cycles) * scene.period();
             let mut is_compared = true;
             if watched.taught.is_some_and(|last| scene.phase <= last) {
-                (watched.slipped, watched.loses_steps) = (0.0, false);
+                // It loses some again while it is held.
+                (watched.slipped, watched.loses_steps) = (0.0, watched.is_held);
             }
             if watched.waits_for_rest {
                 in_time += ASKED;
