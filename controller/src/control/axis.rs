@@ -124,7 +124,7 @@ impl AxisControl {
             point_to_point: spec.point_to_point.then(Place::default),
             compensation: (spec.compensation.as_ref())
                 .map(|of| Compensation::new(of, scaling(spec.drives[0]).resolution())),
-            coupling: (spec.cross_coupling).map(|of| Coupling::new(of, layout)),
+            coupling: (spec.cross_coupling).map(|of| Coupling::new(of, layout.cycle.as_secs_f64())),
             recalled: false,
             spec,
             moves_on: false,

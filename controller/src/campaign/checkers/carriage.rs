@@ -400,9 +400,9 @@ fn stands_there(
     {
         return;
     }
-    let loads: Option<Vec<f64>> = axis.drives.iter().map(|it| scene.carriage(*it)).collect();
-    let Some(loads) = loads else { return };
-    let load = loads.iter().sum::<f64>() / loads.len() as f64;
+    let Some(load) = scene.middle(index, |drive| scene.carriage(drive)) else {
+        return;
+    };
     // What is simulated has straight lines between the points.
     let lines = (on_straight_lines(points, watched.planned())
         - corrected.curve.at(watched.planned()))

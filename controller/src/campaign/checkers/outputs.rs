@@ -397,14 +397,9 @@ impl Outputs {
     /// Where setpoints are at the last SYNC, and how far they went at most in a cycle lately, by axis: of a gantry in the middle of its sides, which
     /// may be sent askew as they were found.
     fn setpoints(&mut self, scene: &Scene<'_>) {
-        let axes = scene.machine.axes.iter().enumerate();
-        for ((index, axis), setpoints) in axes.zip(&mut self.setpoints) {
-            let sides = axis.drives.iter().map(|&drive| {
-                let latched = scene.drives[drive].latched;
-                latched.map(|at| scene.mm(drive, at))
-            });
-            if let Some(sides) = sides.collect::<Option<Vec<f64>>>() {
-                let middle = sides.iter().sum::<f64>() / sides.len() as f64;
+        for (index, setpoints) in self.setpoints.iter_mut().enumerate() {
+            let latched = |drive: usize| Some(scene.mm(drive, scene.drives[drive].latched?));
+            if let Some(middle) = scene.middle(index, latched) {
                 setpoints.push_back(scene.axis(index, middle));
             }
             if setpoints.len() > 4 {

@@ -361,6 +361,14 @@ impl<'a> Scene<'a> {
         Some(self.encoder_mm(drive, count))
     }
 
+    /// Where the middle of an axis's sides is, mm, of what is known of each of its drives.
+    #[must_use]
+    pub fn middle(&self, axis: usize, of: impl Fn(usize) -> Option<f64>) -> Option<f64> {
+        let drives = &self.machine.axes[axis].drives;
+        let sides: Option<Vec<f64>> = drives.iter().map(|drive| of(*drive)).collect();
+        Some(sides?.iter().sum::<f64>() / drives.len() as f64)
+    }
+
     /// Where what a drive moves is, mm.
     #[must_use]
     pub fn carriage(&self, drive: usize) -> Option<f64> {
@@ -565,12 +573,9 @@ impl<'a> Scene<'a> {
                 };
                 self.uncertainty[*axis] = uncertainty.unwrap_or(learned);
                 let corrected = &self.corrected[*axis];
-                let sides = spec.drives.iter().map(|drive| self.actual(*drive));
-                let sides: Option<Vec<f64>> = sides.collect();
                 if let HomingMethod::SetHere { position } = spec.homing.method
-                    && let Some(sides) = sides
+                    && let Some(actual) = self.middle(*axis, |drive| self.actual(drive))
                 {
-                    let actual = sides.iter().sum::<f64>() / sides.len() as f64;
                     // One that sags as it is enabled has gone on since its drives told where it was.
                     let fastest = spec.drives.iter().map(|it| self.plants[*it].velocity.abs());
                     let speed = fastest.fold(0.0, f64::max) * spec.mm_per_revolution;

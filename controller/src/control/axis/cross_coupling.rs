@@ -13,7 +13,6 @@
 //! catch up, and then until its sides are together, for a bounded time, and counts as moving until then. After that it is held until
 //! the plan moves again. Sides that went together are not waited for.
 
-use super::super::layout::Layout;
 use super::super::node::DeviceNode;
 use super::AxisControl;
 use crate::machine::CrossCoupling;
@@ -64,8 +63,8 @@ pub(super) struct Coupling {
 }
 
 impl Coupling {
-    pub(super) fn new(of: CrossCoupling, layout: &Layout) -> Self {
-        let period = layout.cycle.as_secs_f64();
+    /// In a cycle of so many seconds.
+    pub(super) fn new(of: CrossCoupling, period: f64) -> Self {
         let mut it = Self {
             of,
             period,

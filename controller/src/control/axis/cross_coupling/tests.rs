@@ -7,19 +7,6 @@ use std::collections::VecDeque;
 /// What is rounded, of a difference over a cycle.
 const ROUNDING: f64 = 1e-9;
 
-fn coupling(of: CrossCoupling, period: f64) -> Coupling {
-    let mut it = Coupling {
-        of,
-        period,
-        decay: libm::exp(-of.smoothing * period),
-        state: State::default(),
-        next: State::default(),
-        ended: None,
-    };
-    it.begin_anew();
-    it
-}
-
 /// Of an axis whose sides take `time` to follow, at a part of the greatest gain, with a slew and a limit.
 fn drawn(time: f64, part: f64, slew: f64, limit: f64) -> CrossCoupling {
     CrossCoupling {
@@ -88,7 +75,7 @@ proptest! {
             lead: lead * cycles * period,
             ..drawn(cycles * period, part, slew, limit)
         };
-        let mut it = coupling(of, period);
+        let mut it = Coupling::new(of, period);
         let mut sent = vec![0.0; 4];
         let mut go = |it: &mut Coupling, difference, may, moves| {
             it.prepare(difference, may, moves);
@@ -135,7 +122,7 @@ proptest! {
             lead,
             ..drawn(time, part, slew, 1.0)
         };
-        let mut it = coupling(of, period);
+        let mut it = Coupling::new(of, period);
         let follows = 1.0 - libm::exp(-period * position_gain / slower);
         // What was sent and is not there yet, and where the sides are.
         let mut under_way: VecDeque<f64> = std::iter::repeat_n(0.0, latency + 1).collect();
@@ -160,7 +147,7 @@ proptest! {
 #[test]
 fn it_pushes_back() {
     for side in [1.0, -1.0] {
-        let mut it = coupling(drawn(0.02, 0.5, 300.0, 0.1), 2e-3);
+        let mut it = Coupling::new(drawn(0.02, 0.5, 300.0, 0.1), 2e-3);
         for _ in 0..10 {
             it.prepare(Some(0.05 * side), true, true);
             it.go_on();
@@ -174,7 +161,7 @@ fn it_pushes_back() {
 fn it_is_held_at_rest() {
     let rests_after = |apart: f64, moved: bool| {
         let of = drawn(0.02, 0.5, 300.0, 0.1);
-        let mut it = coupling(of, 2e-3);
+        let mut it = Coupling::new(of, 2e-3);
         let go = |it: &mut Coupling, difference, moves| {
             it.prepare(Some(difference), true, moves);
             it.go_on();
@@ -207,7 +194,7 @@ fn it_is_held_at_rest() {
 /// That its limit is used up is told once, until it begins anew.
 #[test]
 fn its_end_is_told_once() {
-    let mut it = coupling(drawn(0.02, 1.0, 300.0, 0.02), 2e-3);
+    let mut it = Coupling::new(drawn(0.02, 1.0, 300.0, 0.02), 2e-3);
     for _ in 0..2 {
         let told = (0..1000).filter(|_| {
             it.prepare(Some(1.0), true, true);
