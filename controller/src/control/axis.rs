@@ -596,7 +596,7 @@ impl AxisControl {
             self.hold_up(nodes);
             self.history.hand_over(cycle);
             if quick_stopped || homes {
-                self.forget_flank();
+                self.forget_corrections();
             }
             return false;
         }

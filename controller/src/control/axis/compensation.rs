@@ -203,13 +203,13 @@ impl Compensation {
 impl AxisControl {
     /// Its drives are off: from where it is found, in the middle between the flanks, it goes on.
     pub(in crate::control) fn begin_compensating(&mut self) {
-        self.forget_flank();
+        self.forget_corrections();
         self.place_compensation(self.is_placed());
     }
 
-    /// Where its carriage is between the flanks is not known: its drives are off, or have gone by themselves. Nor are its sides sent
+    /// Its drives are off, or have gone by themselves: where its carriage is between the flanks is not known, and its sides are not sent
     /// apart any more.
-    pub(super) fn forget_flank(&mut self) {
+    pub(super) fn forget_corrections(&mut self) {
         if let Some(compensation) = &mut self.compensation {
             compensation.forget_flank();
         }

@@ -418,7 +418,8 @@ impl Cascade {
 
     /// One step of the speed loop; returns the torque in N·m. The integral
     /// part rests while the torque is limited, here or, if `is_held`, behind.
-    pub fn speed_step(
+    #[cfg(test)]
+    pub(super) fn speed_step(
         &mut self,
         reference: Reference,
         encoder: i64,

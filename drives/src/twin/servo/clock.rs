@@ -101,6 +101,24 @@ impl Clock {
         self.steps
     }
 
+    /// Takes the steps that end until an instant, up to one behind which the position loop steps or a cycle ends: each with its end
+    /// and its length in seconds. Whether the cycle has ended.
+    #[inline(always)]
+    pub(super) fn take_steps(
+        &mut self,
+        until: Instant,
+        mut take: impl FnMut(Instant, f64),
+    ) -> bool {
+        while self.step_end <= until {
+            take(self.step_end, self.step_length);
+            let ends = self.next_step();
+            if ends || self.is_position_step() {
+                return ends;
+            }
+        }
+        false
+    }
+
     /// Goes on to the next step; true if it is the first of a cycle.
     #[inline]
     pub fn next_step(&mut self) -> bool {

@@ -48,10 +48,7 @@ impl Encoder {
             periods,
             interpolation,
         } = self.errors;
-        let mut error = match noise != 0.0 {
-            true => self.random.bell() * noise,
-            false => 0.0,
-        };
+        let mut error = drawn(&mut self.random, noise);
         let revolutions = shaft.position() + shaft.velocity() * ahead;
         if interpolation != 0.0 {
             let phase = revolutions * f64::from(periods);
@@ -78,10 +75,7 @@ impl PlainEncoder {
     /// What it reads at a position, as [`Encoder::read`]: a whole number.
     #[inline(always)]
     pub(super) fn read(&mut self, revolutions: f64) -> f64 {
-        let noise = match self.noise != 0.0 {
-            true => self.random.bell() * self.noise,
-            false => 0.0,
-        };
+        let noise = drawn(&mut self.random, self.noise);
         floor_soon(revolutions * self.increments_per_revolution + noise)
     }
 }
@@ -100,6 +94,15 @@ impl Encoder {
     /// Goes on where that one is.
     pub(super) fn go_on(&mut self, from: PlainEncoder) {
         self.random = from.random;
+    }
+}
+
+/// Noise of that standard deviation; where there is none, nothing is drawn.
+#[inline(always)]
+fn drawn(random: &mut Random, noise: f64) -> f64 {
+    match noise != 0.0 {
+        true => random.bell() * noise,
+        false => 0.0,
     }
 }
 

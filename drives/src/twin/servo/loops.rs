@@ -207,10 +207,7 @@ impl Loops {
         let mut sensor = self.sensor.plain();
         let mut speed_loop = (self.cascade).speed_loop(reference, self.increments_per_revolution);
         let mut reading = self.motor as f64;
-        let mut ends = false;
-        while self.clock.step_end() <= until {
-            let (_, dt) = self.clock.step();
-            let end = self.clock.step_end();
+        let ends = self.clock.take_steps(until, |end, dt| {
             let is_held = self.torque_source.is_limited();
             let filters = |wanted| self.cascade.filtered(wanted);
             let wanted = speed_loop.step(reading, is_held, filters) * self.direction;
@@ -223,11 +220,7 @@ impl Loops {
             reading = seen * self.direction;
             self.impulse += self.torque;
             self.steps += 1;
-            ends = self.clock.next_step();
-            if ends || self.clock.is_position_step() {
-                break;
-            }
-        }
+        });
         self.cascade.go_on(&speed_loop);
         if let Some(sensor) = sensor {
             self.sensor.go_on(sensor);
@@ -253,21 +246,15 @@ impl Loops {
         let (direction, reaches) = (self.direction, self.shaft.has_torque());
         let (mut reading, mut at) = (self.motor as f64, self.shaft.at());
         let (mut torque, mut impulse, mut steps) = (self.torque, self.impulse, self.steps);
-        let mut ends = false;
-        while self.clock.step_end() <= until {
-            let (_, dt) = self.clock.step();
-            at = self.clock.step_end();
+        let ends = self.clock.take_steps(until, |end, dt| {
+            at = end;
             torque = speed_loop.step(reading, false, |wanted| wanted) * direction;
             load.torque = if reaches { torque } else { 0.0 };
             motion = rigid.moved(dt, &load, motion);
             reading = sensor.read(motion.position) * direction;
             impulse += torque;
             steps += 1;
-            ends = self.clock.next_step();
-            if ends || self.clock.is_position_step() {
-                break;
-            }
-        }
+        });
         self.shaft.go_on(at, motion);
         self.cascade.go_on(&speed_loop);
         self.sensor.go_on(sensor);
