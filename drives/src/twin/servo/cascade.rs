@@ -418,8 +418,7 @@ impl Cascade {
 
     /// One step of the speed loop; returns the torque in N·m. The integral
     /// part rests while the torque is limited, here or, if `is_held`, behind.
-    #[cfg(test)]
-    pub(super) fn speed_step(
+    pub fn speed_step(
         &mut self,
         reference: Reference,
         encoder: i64,
