@@ -8,6 +8,7 @@ mod history;
 mod position_loop;
 mod sag;
 mod sample;
+mod skew;
 mod squaring;
 mod test_move;
 
@@ -33,10 +34,6 @@ use syncline_drives::model::{Increments, PowerCommand, Setpoint};
 const RECENT: u64 = 16;
 /// So many times its greatest velocity no axis moves, also not while it catches up.
 const JUMP: f64 = 1.5;
-
-/// A T_PDO of each side of a gantry may be missing, one behind the other, without their being compared in between; then
-/// they are where no more SYNCs are between them.
-const BY_TURNS: u32 = 2;
 
 /// Which way a side goes as the sides come apart.
 const OUTWARDS: [f64; 2] = [-0.5, 0.5];
@@ -271,20 +268,21 @@ impl AxisControl {
     }
 
     /// Goes on at rest from where its setpoints are, which do not change; its position there, mm. Of a
-    /// gantry that is the middle of its sides, which are planned as far apart as they are.
+    /// gantry that is the middle of its sides, which are planned as far apart as they are, but for what couples them.
     pub(super) fn reseat(&mut self, nodes: &mut [DeviceNode]) -> f64 {
         for &drive in &self.spec.drives {
             let node = &mut nodes[drive];
             node.set_offset(node.origin());
         }
         let at = |side: usize| nodes[self.spec.drives[side]].setpoint_mm();
+        let coupled = self.coupling.as_ref().map_or(0.0, Coupling::last);
         let (sent, apart) = match self.sides.len() {
-            2 => (f64::midpoint(at(0), at(1)), at(1) - at(0)),
+            2 => (f64::midpoint(at(0), at(1)), at(1) - at(0) - coupled),
             _ => (at(0), 0.0),
         };
         self.place_compensation(self.is_placed());
         let position = self.uncorrected(sent);
-        self.rest(position, apart);
+        self.rest(position, [apart, coupled]);
         position
     }
 
@@ -297,16 +295,17 @@ impl AxisControl {
             let node = &mut nodes[drive];
             node.set_offset(node.setpoint.position - node.increments(sent)?);
         }
-        self.rest(position, 0.0);
+        self.rest(position, [0.0; 2]);
         Ok(())
     }
 
-    /// Is planned to rest there, and goes nowhere.
-    pub(super) fn rest(&mut self, position: f64, apart: f64) {
+    /// Is planned to rest there, with its sides apart and sent further apart so far, mm, and goes nowhere.
+    pub(super) fn rest(&mut self, position: f64, [apart, coupled]: [f64; 2]) {
         self.history = History::at_rest(Planned {
             position,
             correction: self.correction_at(position),
             apart,
+            coupled,
             ..Planned::default()
         });
         if let Some(compensation) = &mut self.compensation {
@@ -314,7 +313,7 @@ impl AxisControl {
         }
         self.squaring = None;
         if let Some(coupling) = &mut self.coupling {
-            coupling.begin_anew();
+            coupling.begin(coupled);
         }
         if let Some(place) = &mut self.point_to_point {
             *place = Place {
@@ -468,11 +467,6 @@ impl AxisControl {
         drives.find(is_off).copied()
     }
 
-    /// Whether the two sides of a gantry are further apart than allowed.
-    fn skewed(&self, difference: f64) -> bool {
-        (self.spec.limits.skew).is_some_and(|allowed| difference > allowed)
-    }
-
     /// What its drives were sent and said before is no longer held against what comes.
     pub(super) fn forget_motion(&mut self) {
         for side in &mut self.sides {
@@ -512,6 +506,7 @@ impl AxisControl {
 
     /// The plan, positions and velocities, for SYNC `cycle`, which is left out: the next setpoint may be further away.
     pub(super) fn leave_out(&mut self, cycle: u64, plan: (&[f64], &[f64])) {
+        self.couple(cycle, plan, true, None);
         let planned = self.planned_at(cycle, plan);
         self.history.leave_out(planned);
         self.go_on_compensating();
@@ -542,7 +537,7 @@ impl AxisControl {
             self.moves_on = true;
             return Ok(());
         }
-        self.couple(cycle, plan, couples && !in_homing, nodes);
+        self.couple(cycle, plan, couples && !in_homing, Some(nodes));
         let planned = self.planned_at(cycle, plan);
         self.history.propose(planned);
         for index in 0..self.sides.len() {
@@ -769,32 +764,5 @@ impl AxisControl {
             }
         }
         self.check_skew(cycle, sample.apart, nodes)
-    }
-
-    /// Checks how far the sides of a gantry are from where they are planned to be against each other. Positions of
-    /// different SYNCs are compared by how far the axis was planned to go from one to the other. That is off by what its lag
-    /// changes meanwhile, and counts where they are near to each other and have not come to one SYNC for longer.
-    fn check_skew(&mut self, cycle: u64, apart: f64, nodes: &[DeviceNode]) -> Result<(), Fault> {
-        let [one, other] = self.spec.drives[..] else {
-            return Ok(());
-        };
-        let (one, other) = (&nodes[one], &nodes[other]);
-        self.apart_seen = match one.age() == other.age() {
-            true => 0,
-            false => self.apart_seen.saturating_add(1),
-        };
-        let planned = |node: &DeviceNode| {
-            let age = f64::from(node.age());
-            self.history.planned(cycle, self.lag + age).sent()
-        };
-        let went = planned(other) - planned(one);
-        let difference = (other.actual_mm() - one.actual_mm() - apart - went).abs();
-        let by_turns = self.apart_seen > BY_TURNS && one.age().abs_diff(other.age()) <= BY_TURNS;
-        let counts = self.apart_seen == 0 || by_turns;
-        if counts && self.skewed(difference) {
-            let axis = self.index;
-            return Err(Fault::Axis(axis, AxisCause::Skew { difference }));
-        }
-        Ok(())
     }
 }

@@ -194,8 +194,12 @@ impl Layout {
             .cross_coupling
             .filter(|_| axis.drives.last() == Some(&device))?;
         Some(format!(
-            "; the sides of axis {} are coupled across, with a gain of {:.1} 1/s, up to {:.1} allowed, and are sent apart by {} {} at the most",
-            axis.name, it.gain, it.greatest_gain, it.limit, axis.unit
+            "; the sides of axis {} are coupled across, with a gain of {:.2} 1/s, up to {} allowed, and are sent apart by {} {} at the most",
+            axis.name,
+            it.gain,
+            it.told_greatest(),
+            it.limit,
+            axis.unit
         ))
     }
 

@@ -166,7 +166,7 @@ impl<const N: usize> Controller<N> {
     fn arrive(&mut self, motion: &PointToPoint) {
         for axis in &mut self.axes {
             if let Some(target) = motion.targets[axis.coordinate()] {
-                axis.rest(target, 0.0);
+                axis.rest(target, [0.0; 2]);
             }
         }
         self.positioning = None;

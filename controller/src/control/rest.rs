@@ -114,6 +114,8 @@ pub enum Waiting {
     },
     /// Motion that others have planned rests there.
     Samples,
+    /// What axes are sent beside the plan is to come to rest: backlash that is taken up, sides that come together.
+    Corrections,
 }
 
 /// What a job has rested for, and since when.
@@ -202,6 +204,9 @@ impl Waiting {
                 format!("the command of M{code}, {left:.1} s left")
             }
             Self::Samples => "its samples, which rest here".to_owned(),
+            Self::Corrections => {
+                "backlash that is taken up, or sides that come together".to_owned()
+            }
         };
         format!("waits for {what}")
     }
@@ -209,7 +214,7 @@ impl Waiting {
     /// Whether a program that is well waits like this, so that it is no news.
     #[must_use]
     pub fn is_routine(&self) -> bool {
-        matches!(self, Self::Dwell { .. } | Self::Samples)
+        matches!(self, Self::Dwell { .. } | Self::Samples | Self::Corrections)
     }
 }
 
@@ -247,6 +252,9 @@ impl<const N: usize> Controller<N> {
         }
         if self.executor.is_off_path() || !self.shaping.is_settled() {
             return None;
+        }
+        if self.executor.mark().is_some() && !self.axes_rest() {
+            return Some(Waiting::Corrections);
         }
         match self.reached() {
             Some(stop) => self.waits_at(stop),

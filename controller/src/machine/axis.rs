@@ -156,7 +156,7 @@ impl AxisTable {
         let stated = limits();
         let compensated = CompensationTable::read(log, &mut table, rotary);
         let skew = skew_limit.as_ref().map(|limit| *limit.get_ref());
-        let coupled = CouplingTable::read(log, &mut table, skew, position);
+        let coupled = CouplingTable::read(log, &mut table, (skew, standstill), position);
         if let (Some(coupled), false, true) = (&coupled, pair, drives.is_some()) {
             let help = "allowed: only where `drives` names two, a gantry pair";
             coupled.refuse(log, &table.title, "one drive", help);

@@ -92,6 +92,12 @@ impl CrossCoupling {
         }
     }
 
+    /// The greatest gain as it is told, 1/s: what is told to be allowed is.
+    #[must_use]
+    pub fn told_greatest(&self) -> String {
+        told(self.greatest_gain)
+    }
+
     /// The greatest jerk of the setpoints against each other, mm/s³.
     #[must_use]
     pub fn jerk(&self) -> f64 {
@@ -109,6 +115,11 @@ impl CrossCoupling {
     }
 }
 
+/// The greatest of a gain with two decimals, rounded down.
+fn told(greatest: f64) -> String {
+    format!("{:.2}", (greatest * 100.0).floor() / 100.0)
+}
+
 /// What an `[[axis]]` says of it.
 #[derive(Clone)]
 pub(super) struct CouplingTable {
@@ -117,14 +128,16 @@ pub(super) struct CouplingTable {
     limit: f64,
     position_gain: f64,
     dead_zone: Option<f64>,
+    /// The greatest of it.
+    most_left_alone: f64,
 }
 
 impl CouplingTable {
-    /// Reads it, of an axis whose sides may be so far apart, if it has two.
+    /// Reads it, of an axis whose sides may be so far apart, if it has two, and which is in position so near to its setpoint.
     pub(super) fn read(
         log: &mut Log<'_>,
         axis: &mut Table<'_, '_>,
-        skew_limit: Option<f64>,
+        (skew_limit, standstill): (Option<f64>, f64),
         unit: &str,
     ) -> Option<Self> {
         let allowed = "a table: { position_gain = 60.0, limit = 0.1 }";
@@ -144,8 +157,14 @@ impl CouplingTable {
         let gain = table.number_if(log, "gain", "a number from 0.01 to 1000 (1/s)", |it| {
             (0.01..=1000.0).contains(&it)
         });
-        let most = limit.as_ref().map_or(most, |it| *it.get_ref());
-        let allowed = format!("a number from 0 to {most} {unit}, its `limit`");
+        let limited = limit.as_ref().map_or(most, |it| *it.get_ref());
+        // Sides that are left alone are in position.
+        let most = limited.min(standstill);
+        let whose = match limited <= standstill {
+            true => "its `limit`",
+            false => "the axis's `standstill_window`",
+        };
+        let allowed = format!("a number from 0 to {most} {unit}, {whose}");
         let dead_zone =
             table.number_if(log, "dead_zone", &allowed, |it| (0.0..=most).contains(&it));
         table.finish(log);
@@ -155,6 +174,7 @@ impl CouplingTable {
             limit: limit?.into_inner(),
             position_gain: position_gain?.into_inner(),
             dead_zone: dead_zone.map(Spanned::into_inner),
+            most_left_alone: most,
         })
     }
 
@@ -221,7 +241,8 @@ fn couple(
                 gain.get_ref()
             ),
             format!(
-                "allowed: up to {most:.2} 1/s, a quarter of 1 / ({cycles} cycles + 0.5 / `position_gain`); without the key it is half of that"
+                "allowed: up to {} 1/s, a quarter of 1 / ({cycles} cycles + 0.5 / `position_gain`); without the key it is half of that",
+                told(most)
             ),
         );
         return None;
@@ -239,7 +260,8 @@ fn couple(
         greatest_gain: most,
         lead,
         limit: table.limit,
-        dead_zone: table.dead_zone.unwrap_or(coarse.fold(0.0, f64::max)),
+        dead_zone: (table.dead_zone)
+            .unwrap_or_else(|| coarse.fold(0.0, f64::max).min(table.most_left_alone)),
         ..CrossCoupling::default()
     };
     coupling.settle(time, &axis.sent_limits);

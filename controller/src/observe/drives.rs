@@ -1,23 +1,21 @@
-//! What the simulated drives of a run were asked for: torque, speed, how the sides of a gantry
-//! work against each other, how far what they move is from where they say, and how it sways the structure.
+//! What the simulated drives of a run were asked for: torque, speed, how far what they move is from where they
+//! say, and how it sways the structure.
 //!
 //! Each is looked at once a cycle, shortly behind its SYNC, as it truly is: without the encoder's noise and
 //! without the drive's own idea of it. What is over between two cycles is not seen. Speed is held against that
 //! at which the motor's voltage is used up without load, where the drive's power stage is simulated.
 
 use super::cutting::{CuttingSummary, CuttingWatch};
+use super::gantry::{GantrySummary, GantryWatch};
 use super::kept::Kept;
 use super::limits::Watch;
 use super::record::{Greatest, Place, Violation};
 use super::structure::StructureWatch;
-use super::summary::{DriveSummary, GantrySummary, StructureSummary, TransmissionSummary};
+use super::summary::{DriveSummary, StructureSummary, TransmissionSummary};
 use super::supply::SupplyWatch;
 use super::transmission::TransmissionWatch;
 use crate::control::AxisSample;
-use crate::machine::{
-    Axis, COORDINATES, Drive, FeedAxis, Machine, Position, Simulation, Validation,
-};
-use syncline_drives::model::Increments;
+use crate::machine::{COORDINATES, Drive, FeedAxis, Machine, Position, Simulation, Validation};
 use syncline_drives::twin::Observation;
 use syncline_drives::twin::servo::motor::Motor;
 use syncline_drives::twin::servo::power_stage::{DcBus, lasts};
@@ -76,41 +74,6 @@ struct Hanging {
     drop: Option<f64>,
 }
 
-/// The two sides of a gantry.
-#[derive(Debug)]
-struct GantryWatch {
-    axis: &'static str,
-    sides: [Side; 2],
-    /// Stiffness, N·m/rad, and damping, N·m·s/rad, of what holds its beam square, for a mm that the
-    /// second side is ahead.
-    racking: Option<[f64; 2]>,
-    /// How far the second side was ahead at first, mm: there its beam is square.
-    square: Option<f64>,
-    tolerance: f64,
-    skew: Greatest,
-    /// Sum of the squares of the skew, mm².
-    skew_squares: f64,
-    /// Of an axis whose sides are coupled: how far they were sent apart, mm.
-    coupled: Option<Greatest>,
-    /// Its place in the plan's coordinates.
-    coordinate: usize,
-    torque: Greatest,
-    fight: Greatest,
-    /// Sum of the squares of half of the difference of both torques.
-    squares: f64,
-    watch: Watch,
-}
-
-/// Where a side of a gantry is by its motor.
-#[derive(Debug)]
-struct Side {
-    drive: usize,
-    /// Machine position of the encoder's zero, mm.
-    zero: f64,
-    /// Of a revolution, with its sign, mm.
-    travel: f64,
-}
-
 impl Drives {
     /// Nothing yet.
     pub(super) fn new(machine: &Machine) -> Self {
@@ -166,9 +129,7 @@ impl Drives {
     /// Takes what the axes say at one SYNC, before it is seen how the drives are.
     pub(super) fn correct(&mut self, at: Place, axes: &[AxisSample; COORDINATES]) {
         for gantry in &mut self.gantries {
-            if let Some(greatest) = &mut gantry.coupled {
-                greatest.look(axes[gantry.coordinate].coupled.abs(), at);
-            }
+            gantry.correct(at, axes);
         }
         for transmission in &mut self.transmissions {
             transmission.correct(axes);
@@ -227,7 +188,7 @@ impl Drives {
     /// Ends the stretches that go on, and says what is wrong of the whole run.
     pub(super) fn close(&mut self, end: Place, violations: &mut Kept<Violation>) {
         for gantry in &mut self.gantries {
-            gantry.watch.close(violations);
+            gantry.close(violations);
         }
         for drive in &mut self.drives {
             drive.close(self.rows, end, violations);
@@ -365,90 +326,7 @@ impl DriveWatch {
     }
 }
 
-impl GantryWatch {
-    fn new(machine: &Machine, axis: &Axis) -> Self {
-        let side = |drive: usize| {
-            let scaling = &machine.drives[drive].scaling;
-            Side {
-                drive,
-                zero: scaling.to_mm(Increments::ZERO),
-                travel: scaling.travel_per_revolution(),
-            }
-        };
-        let simulation = axis.simulation.as_ref();
-        let beam = simulation.and_then(|it| Some(it.gantry.as_ref()?.beam));
-        Self {
-            axis: axis.name(),
-            sides: [side(axis.drives[0]), side(axis.drives[1])],
-            racking: beam.map(|beam| {
-                [beam.racking.stiffness, beam.racking.damping].map(|it| it * 1e-3 / beam.span)
-            }),
-            square: None,
-            tolerance: machine.validation.skew,
-            skew: Greatest::default(),
-            skew_squares: 0.0,
-            coupled: axis.cross_coupling.map(|_| Greatest::default()),
-            coordinate: axis.letter.index(),
-            torque: Greatest::default(),
-            fight: Greatest::default(),
-            squares: 0.0,
-            watch: Watch::default(),
-        }
-    }
-
-    fn observe(&mut self, at: Place, seen: &[Observation], violations: &mut Kept<Violation>) {
-        let [first, second] = [0, 1].map(|side| {
-            let Side {
-                drive,
-                zero,
-                travel,
-            } = self.sides[side];
-            let seen = &seen[drive];
-            [
-                zero + travel * seen.position,
-                travel * seen.velocity,
-                travel.signum() * seen.torque,
-            ]
-        });
-        let [skew, rate, fight] = [0, 1, 2].map(|of| second[of] - first[of]);
-        let square = *self.square.get_or_insert(skew);
-        if let Some([stiffness, damping]) = self.racking {
-            let torque = stiffness * (skew - square) + damping * rate;
-            self.torque.look(torque.abs(), at);
-        }
-        let (skew, fight) = (skew.abs(), 0.5 * fight.abs());
-        self.skew.look(skew, at);
-        self.skew_squares += skew * skew;
-        self.fight.look(fight, at);
-        self.squares += fight * fight;
-        self.watch
-            .look(violations, at, skew, self.tolerance, |_| Violation {
-                what: "skew".to_owned(),
-                axis: Some(self.axis.to_owned()),
-                time: at.time,
-                line: at.line,
-                value: skew,
-                limit: self.tolerance,
-                unit: "mm",
-            });
-    }
-
-    fn summary(&self, rows: u64) -> GantrySummary {
-        GantrySummary {
-            axis: self.axis,
-            max_skew_mm: self.skew.value,
-            max_skew_at: self.skew.at,
-            rms_skew_mm: root_mean(self.skew_squares, rows),
-            max_coupling_mm: self.coupled.map(|it| it.value),
-            max_coupling_at: self.coupled.map(|it| it.at),
-            max_racking_torque: self.racking.map(|_| self.torque.value),
-            max_torque_fight: self.fight.value,
-            max_torque_fight_at: self.fight.at,
-            rms_torque_fight: root_mean(self.squares, rows),
-        }
-    }
-}
-
-fn root_mean(squares: f64, rows: u64) -> f64 {
+/// Root mean square of what was summed up over so many rows.
+pub(super) fn root_mean(squares: f64, rows: u64) -> f64 {
     (squares / rows.max(1) as f64).sqrt()
 }

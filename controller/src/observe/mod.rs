@@ -11,7 +11,8 @@
 //! - [`deviation`]: setpoint and tool against the programmed geometry
 //! - `trail`: the path of the setpoints, which the drives are to follow
 //! - [`loops`]: how far the loops of simulated drives are from swinging
-//! - `drives`: torque and speed of simulated drives, skew and torque fight of gantries
+//! - `drives`: torque and speed of simulated drives
+//! - [`gantry`]: skew, racking and torque fight of the sides of gantries
 //! - `structure`: how the simulated machine sways between tool and workpiece
 //! - `transmission`: how far what simulated drives move is from where they say
 //! - [`travel`]: how far the tool has come along the program, and for how long it moved
@@ -39,6 +40,7 @@ mod drives;
 pub mod flight_recorder;
 pub(crate) mod fourier;
 pub mod frames;
+pub mod gantry;
 mod kept;
 pub mod limits;
 pub mod loops;

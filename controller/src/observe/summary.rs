@@ -2,6 +2,7 @@
 
 use super::circles::CircleSummary;
 use super::cutting::CuttingSummary;
+use super::gantry::GantrySummary;
 use super::limits::AxisWatches;
 use super::loops::LoopSummary;
 use super::operations::{Operation, ToolTime};
@@ -179,7 +180,7 @@ pub struct Times {
     pub jogging_s: f64,
     /// Rest before the first motion or in between, until there was a plan.
     pub planning_s: f64,
-    /// Rest in the end of a job, until the axes were in position.
+    /// Rest in the end of a job, until the axes were in position, or before it, until what they are sent beside the plan had come to rest.
     pub settling_s: f64,
     /// Rest while no job was at work.
     pub idle_s: f64,
@@ -373,34 +374,6 @@ pub struct DriveSummary {
     /// Of that: `mm`, or `°`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub drop_unit: Option<&'static str>,
-}
-
-/// How the sides of a gantry agreed, as they truly were.
-#[derive(Clone, Debug, Serialize)]
-pub struct GantrySummary {
-    /// The axis.
-    pub axis: &'static str,
-    /// How far apart they were at most, mm.
-    pub max_skew_mm: f64,
-    /// Where that was.
-    pub max_skew_at: Place,
-    /// Root mean square of how far apart they were, mm.
-    pub rms_skew_mm: f64,
-    /// How far their setpoints were moved against each other at most, mm, where they are coupled.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub max_coupling_mm: Option<f64>,
-    /// Where that was.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub max_coupling_at: Option<Place>,
-    /// Greatest torque with which the beam's guides held it square, N·m, if there is a beam.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub max_racking_torque: Option<f64>,
-    /// Greatest torque with which each motor worked against the other, N·m: half of their difference.
-    pub max_torque_fight: f64,
-    /// Where that was.
-    pub max_torque_fight_at: Place,
-    /// Its root mean square, N·m.
-    pub rms_torque_fight: f64,
 }
 
 /// How the structure of the machine swayed along an axis, between tool and workpiece.
@@ -667,25 +640,6 @@ impl fmt::Display for DriveSummary {
             }
             None => Ok(()),
         }
-    }
-}
-
-/// As a person reads it, but for the axis.
-impl fmt::Display for GantrySummary {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (most, at, rms) = (self.max_skew_mm, self.max_skew_at, self.rms_skew_mm);
-        write!(f, "skew max {most:.4} mm in {at}, rms {rms:.4} mm")?;
-        if let Some((most, at)) = self.max_coupling_mm.zip(self.max_coupling_at) {
-            write!(f, "; cross-coupling max {most:.4} mm in {at}")?;
-        }
-        if let Some(torque) = self.max_racking_torque {
-            write!(f, "; racking torque max {torque:.1} N·m")?;
-        }
-        write!(
-            f,
-            "; torque against each other max {:.3} N·m in {}, rms {:.3} N·m",
-            self.max_torque_fight, self.max_torque_fight_at, self.rms_torque_fight
-        )
     }
 }
 

@@ -1,6 +1,7 @@
 //! How far the tool has come along the program as F counts it, and what the time went into.
 
 use super::Observed;
+use crate::control::Waiting;
 use crate::machine::Position;
 use crate::program::moved;
 
@@ -39,7 +40,7 @@ pub(super) struct Cycles {
     pub(super) planning: u64,
     /// It has rested since the last of the others: until the axes were in position.
     pub(super) settling: u64,
-    /// The same of jobs that are over.
+    /// The same of jobs that are over, and until corrections came to rest in between.
     pub(super) settled: u64,
     /// No job was at work.
     pub(super) idle: u64,
@@ -63,6 +64,8 @@ impl Cycles {
             &mut self.dwells
         } else if observed.row.rests_for.is_some() {
             &mut self.awaits
+        } else if observed.row.waiting == Some(Waiting::Corrections) {
+            &mut self.settled
         } else {
             self.settling += 1;
             return;

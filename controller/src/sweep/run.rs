@@ -3,9 +3,8 @@
 use super::Plan;
 use super::result::{CAUSE, INVALID, LINE, RUN, SEED, SET, VERDICT};
 use crate::machine::{Axis, Machine, MachineError};
-use crate::observe::summary::{
-    AxisSummary, DriveSummary, GantrySummary, StructureSummary, Summary,
-};
+use crate::observe::gantry::GantrySummary;
+use crate::observe::summary::{AxisSummary, DriveSummary, StructureSummary, Summary};
 use crate::validate::Inputs;
 use std::error::Error;
 use std::iter;

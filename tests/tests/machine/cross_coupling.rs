@@ -1,8 +1,8 @@
 //! Gantries whose sides are coupled across, beside the same without: what it helps, that it keeps the limits, and where it is refused.
 
-use super::homing::{settle, state};
+use super::homing::{home, settle, state};
 use proptest::prelude::*;
-use syncline_controller::control::{End, Event, Phase, State};
+use syncline_controller::control::{End, Event, Phase, State, Waiting};
 use syncline_controller::machine::Machine;
 use syncline_controller::session::Command;
 use syncline_drives::twin::{Config, Disturbance, ErrorClass};
@@ -282,6 +282,85 @@ fn it_is_held_while_a_fault_stops_the_machine() {
     assert_eq!(beyond.count(), 0, "{:?}", summary.violations);
 }
 
+/// Behind a SYNC that is left out the drives are sent two steps of the plan at once, and so two of what couples them: by steps it goes
+/// on as it would have.
+#[test]
+fn a_lost_cycle_leaves_it_as_smooth_as_it_was() {
+    let mut rig = uneven().rig(&coupled(60.0, ""), "G21 G90 G64\nG1 X1000 F6000\nM2\n");
+    let x = AxisLetter::X.index();
+    let cycle = rig.machine.cycle;
+    for from in [0.03, 0.2] {
+        rig.run_until(|rig| (rig.rows.last()).is_some_and(|row| row.axes[x].coupled.abs() > from));
+        rig.session.timeline().wake_late(cycle.mul_f64(1.1));
+    }
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    let lost = |it: &&Event| matches!(it, Event::LostCycles { lost: 1, .. });
+    assert_eq!(
+        rig.events.iter().filter(lost).count(),
+        2,
+        "{:?}",
+        rig.events
+    );
+    let of = rig.machine.axes[0].cross_coupling.expect("it is coupled");
+    let period = cycle.as_secs_f64();
+    // What it goes at from row to row, and over how many steps of the plan.
+    let pairs = rig.rows.windows(2).filter_map(|rows| {
+        let speed = rows
+            .iter()
+            .map(|it| it.plan.velocity[x])
+            .fold(f64::INFINITY, f64::min);
+        let went = rows[1].axes[x].set - rows[0].axes[x].set;
+        let steps = (went / (speed * period)).round();
+        let change = rows[1].axes[x].coupled - rows[0].axes[x].coupled;
+        (speed > 50.0).then(|| (change / (steps * period), steps))
+    });
+    let pairs: Vec<_> = pairs.collect();
+    let at_once = pairs.iter().filter(|it| it.1 == 2.0);
+    assert_eq!(at_once.count(), 2);
+    for pair in pairs.windows(2) {
+        let [(before, over), (now, steps)] = [pair[0], pair[1]];
+        let allowed = 0.5 * (over + steps) * of.slew * period;
+        assert!((now - before).abs() <= allowed, "{before} {now} {allowed}");
+    }
+}
+
+/// Sides that do not come together, as their encoders' noise is more than what is left alone, are waited for and no longer than a
+/// second, which is told for what it is.
+#[test]
+fn sides_are_waited_for_no_longer_than_a_second() {
+    let noisy = Drawn {
+        noise: 20.0,
+        ..Drawn::even()
+    };
+    let keys = coupled(60.0, ", gain = 0.5, dead_zone = 0.0");
+    let mut rig = noisy.rig(&keys, "G21 G90 G64\nG1 X100 F6000\nM0\nG1 X0\nM2\n");
+    let is_paused = |it: &Event| matches!(it, Event::Paused { .. });
+    rig.run_until(|rig| rig.events.iter().any(is_paused));
+    let waits = rig
+        .rows
+        .iter()
+        .filter(|it| it.waiting == Some(Waiting::Corrections));
+    let waited = waits.count() as f64 * rig.machine.cycle.as_secs_f64();
+    assert!((0.9..1.3).contains(&waited), "{waited}");
+    assert!(
+        !rig.rows
+            .iter()
+            .any(|row| row.waiting == Some(Waiting::Plan) && row.plan.distance > 1.0)
+    );
+    rig.command(Command::CycleStart);
+    // So does a stop.
+    let x = AxisLetter::X.index();
+    rig.run_until(|rig| rig.rows[rig.rows.len() - 1].plan.velocity[x] < -50.0);
+    rig.command(Command::Stop);
+    rig.run_until(|rig| rig.rows[rig.rows.len() - 1].plan.velocity[x] == 0.0);
+    let rests = rig.rows.len();
+    rig.finish();
+    let until_over = (rig.rows.len() - rests) as f64 * rig.machine.cycle.as_secs_f64();
+    assert!((0.9..1.5).contains(&until_over), "{until_over}");
+    let times = rig.judge().times;
+    assert!(times.settling_s >= waited, "{times:?}");
+}
+
 /// A limit that does not suffice is told once; what is sent keeps to it.
 #[test]
 fn a_limit_that_does_not_suffice_is_told_once() {
@@ -303,6 +382,9 @@ fn a_limit_that_does_not_suffice_is_told_once() {
     assert_eq!(summary.verdict, "pass", "{:?}", summary.violations);
     let told = summary.gantries[0].max_coupling_mm.expect("it is coupled");
     assert!((told - greatest).abs() < 1e-9, "{told} {greatest}");
+    let read = summary.gantries[0].to_string();
+    let expected = format!("cross-coupling max {told:.4} of 0.05 mm in line ");
+    assert!(read.contains(&expected), "{read}");
 }
 
 /// A fault holds what the sides are sent apart, and the reset behind it begins with nothing.
@@ -323,6 +405,40 @@ fn it_begins_anew_as_drives_are_enabled() {
     settle(&mut rig);
     assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
     assert_eq!(sent(&rig), 0.0);
+}
+
+/// What the sides are sent apart at rest, as they differ by no more than is left alone, stays what it is where the axis is homed anew:
+/// it is not taken for a difference that is planned.
+#[test]
+fn it_stays_what_it_is_as_the_axis_is_homed_anew() {
+    let keys = coupled(60.0, ", dead_zone = 0.05");
+    let mut rig = uneven().switched_on(&keys, None);
+    settle(&mut rig);
+    rig.command(Command::Mdi("G1 X1400 F36000".to_owned()));
+    settle(&mut rig);
+    let x = AxisLetter::X.index();
+    let sent = |rig: &Rig| {
+        let axis = &rig.rows[rig.rows.len() - 1].axes[x];
+        (axis.coupled, axis.apart)
+    };
+    let (before, apart) = sent(&rig);
+    assert!(before.abs() > 0.01, "{before}");
+    rig.command(home(AxisLetter::X));
+    settle(&mut rig);
+    let referenced = |it: &&Event| matches!(it, Event::Referenced { axis: 0, .. });
+    assert!(
+        rig.events.iter().any(|it| referenced(&it)),
+        "{:?}",
+        rig.events
+    );
+    let (after, still) = sent(&rig);
+    assert!(
+        (after - before).abs() < 1e-9 && (still - apart).abs() < 1e-3,
+        "{before} {after} {apart} {still}"
+    );
+    rig.command(Command::Mdi("G1 X0 F36000".to_owned()));
+    settle(&mut rig);
+    assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
 }
 
 /// What a machine file says wrongly, or of drives that cannot be coupled.
@@ -358,7 +474,11 @@ fn what_cannot_be_coupled_is_refused() {
         ),
         (
             "position_gain = 60.0, limit = 0.2, dead_zone = 0.3",
-            &["dead_zone", "its `limit`"],
+            &["dead_zone", "to 0.05 (mm), the axis's `standstill_window`"],
+        ),
+        (
+            "position_gain = 60.0, limit = 0.02, dead_zone = 0.03",
+            &["dead_zone", "to 0.02 (mm), its `limit`"],
         ),
         (
             "position_gain = 60.0, limit = 0.2, gian = 2.0",
@@ -369,6 +489,25 @@ fn what_cannot_be_coupled_is_refused() {
         for part in parts {
             assert!(told.contains(part), "{keys}: {told}");
         }
+    }
+    // What is told to be allowed is, and what is a little more is not.
+    for position_gain in (1..=50).map(|it| 7.3 * f64::from(it)) {
+        let of = |gain: f64| {
+            let keys = format!("position_gain = {position_gain:.1}, limit = 0.2, gain = {gain:.2}");
+            let file = folder.file(
+                "portal.toml",
+                &machine_with("portal", &[(skew, &with(&keys))]),
+            );
+            Machine::load(&file)
+                .map(|_| ())
+                .map_err(|it| it.to_string())
+        };
+        let told = of(900.0).expect_err("it is too much");
+        let (_, behind) = told.split_once("allowed: up to ").expect("it is told");
+        let (greatest, _) = behind.split_once(" 1/s").expect("with its unit");
+        let greatest: f64 = greatest.parse().expect("a number");
+        assert_eq!(of(greatest), Ok(()));
+        assert!(of(greatest + 0.01).is_err(), "{position_gain} {greatest}");
     }
     let one = "drives = [\"Y\"]\n";
     let coupled = format!("{one}cross_coupling = {{ position_gain = 60.0, limit = 0.2 }}\n");

@@ -214,7 +214,7 @@ impl AxisControl {
             compensation.forget_flank();
         }
         if let Some(coupling) = &mut self.coupling {
-            coupling.begin_anew();
+            coupling.begin(0.0);
         }
     }
 

@@ -19,8 +19,10 @@ use crate::machine::CrossCoupling;
 
 /// So many times as long as one of the two lags takes, of which there are as much in the loop about them, the drives catch up at rest.
 const CATCHES_UP: f64 = 4.0;
-/// And so many times 1 / gain sides are waited for that do not come together.
+/// And so many times 1 / gain sides are waited for that do not come together, …
 const PATIENCE: f64 = 8.0;
+/// … but for no longer than this, s.
+const LONGEST: f64 = 1.0;
 /// It is told that this part of its limit is used up: it comes to all of it slowly.
 const ENDS: f64 = 0.95;
 /// What is no more than this part of its limit is there.
@@ -73,13 +75,15 @@ impl Coupling {
             next: State::default(),
             ended: None,
         };
-        it.begin_anew();
+        it.begin(0.0);
         it
     }
 
-    /// Its sides are sent what they are planned to be apart.
-    pub(super) fn begin_anew(&mut self) {
+    /// Its sides rest, and are sent so far apart beside what is planned, mm.
+    pub(super) fn begin(&mut self, apart: f64) {
         let held = State {
+            aim: apart,
+            position: apart,
             held: true,
             ..State::default()
         };
@@ -89,6 +93,11 @@ impl Coupling {
     /// How far the second side is sent beyond the first with the next setpoint, mm.
     pub(super) fn next(&self) -> f64 {
         self.next.position
+    }
+
+    /// And with the last one, mm.
+    pub(super) fn last(&self) -> f64 {
+        self.state.position
     }
 
     /// What was prepared was handed over, or is left out.
@@ -111,7 +120,7 @@ impl Coupling {
             state.rested += self.period;
         }
         if !state.held {
-            let may = may && state.rested < PATIENCE / self.of.gain;
+            let may = may && state.rested < (PATIENCE / self.of.gain).min(LONGEST);
             let known = difference.filter(|_| may);
             let beyond = known.map(|it| beyond(it, self.of.dead_zone));
             let before = std::mem::replace(&mut state.beyond, beyond);
@@ -193,19 +202,20 @@ fn beyond(difference: f64, left_alone: f64) -> f64 {
 }
 
 impl AxisControl {
-    /// Looks what its sides are sent apart in `cycle`, of whose SYNC before they are known, while they may be moved against each other.
+    /// Looks what its sides are sent apart in `cycle`, while they may be moved against each other, by `nodes` that tell where they were
+    /// at the SYNC before, if it was sent.
     pub(super) fn couple(
         &mut self,
         cycle: u64,
         (positions, velocities): (&[f64], &[f64]),
         may: bool,
-        nodes: &[DeviceNode],
+        nodes: Option<&[DeviceNode]>,
     ) {
         if self.coupling.is_none() {
             return;
         }
         let may = may && !self.squares(cycle);
-        let difference = self.sides_off(cycle - 1, nodes);
+        let difference = nodes.and_then(|nodes| self.sides_off(cycle - 1, nodes));
         let at = self.spec.coordinate;
         let before = self.history.planned(cycle - 1, 0.0).position;
         let moves = velocities[at] != 0.0 || positions[at] != before;
