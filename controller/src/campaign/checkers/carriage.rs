@@ -205,6 +205,8 @@ struct Watched {
     reached: f64,
     /// Which way that is: 1 or −1; `None` if nobody knows the flank.
     direction: Option<f64>,
+    /// As far as its drives came that way, mm, counted along it.
+    furthest: f64,
     /// How far the drive of its second side was sent beyond that of the first one as it was seen first, mm.
     apart: Option<f64>,
 }
@@ -226,11 +228,26 @@ impl Watched {
         let went = planned - self.reached;
         let direction = 1_f64.copysign(went);
         if self.direction == Some(direction) || went.abs() > 2.0 * resolution {
-            (self.direction, self.reached) = (Some(direction), planned);
+            if self.direction.replace(direction) != Some(direction) {
+                self.furthest = f64::NEG_INFINITY;
+            }
+            self.reached = planned;
         } else if went.abs() > 0.5 * resolution {
             // It has turned round, or has not.
             self.direction = None;
         }
+    }
+
+    /// Its drives have come there, mm.
+    fn came(&mut self, drives: f64) {
+        if let Some(direction) = self.direction {
+            self.furthest = self.furthest.max(direction * drives);
+        }
+    }
+
+    /// How far its drives were beyond where they are sent now, the way it went, mm.
+    fn overshot(&self, direction: f64) -> f64 {
+        (self.furthest - direction * self.seen[0].1).max(0.0)
     }
 
     /// Where it is planned to be.
@@ -292,6 +309,8 @@ impl Checker for Carriage {
             if !watched.is_planned || watched.seen.len() < WINDOW {
                 continue;
             }
+            let actual = scene.middle(index, |drive| scene.actual(drive));
+            watched.came(actual.unwrap_or(sent));
             sent_there(scene, index, watched, resolution, found);
             stands_there(scene, index, watched, resolution, found);
         }
@@ -387,8 +406,10 @@ fn stands_there(
     let (Some((_, points)), true) = (&corrected.carriage, fits) else {
         return;
     };
-    if watched.direction.is_none()
-        || !watched.rests(scene, index)
+    let Some(direction) = watched.direction else {
+        return;
+    };
+    if !watched.rests(scene, index)
         || scene.seconds() - watched.since < DISTURBED
         || scene.is_disturbed(DISTURBED)
         || spec.homing.is_some()
@@ -409,11 +430,13 @@ fn stands_there(
     .abs();
     let wound = axis.drives.iter().map(|drive| wound(scene, *drive));
     let allowed = STANDS * resolution + lines + wound.fold(0.0, f64::max);
-    let off = (load - watched.planned()).abs();
-    if off > allowed {
+    // A drive that overshoots takes its carriage along, which stays there as the drive comes back.
+    let overshot = watched.overshot(direction);
+    let off = direction * (load - watched.planned());
+    if !(-allowed..=overshot + allowed).contains(&off) {
         found.violate(NAME, scene, "a carriage beside its axis", || {
             let (name, planned) = (axis.name(), watched.planned());
-            format!("axis {name} at {planned} mm: its carriage is at {load}, allowed {allowed} off")
+            format!("axis {name} at {planned} mm: its carriage is at {load}, allowed {allowed} off, and {overshot} beyond")
         });
     }
 }
