@@ -44,21 +44,29 @@ impl Plants {
     }
 }
 
-/// What an axis is said to be simulated with but for where it stands first, which its homing needs.
-fn start(axis: &AxisSpec) -> Option<String> {
-    let keys = axis.simulation.as_deref()?.split(", ");
-    let start: Vec<_> = keys.filter(|key| key.starts_with("start")).collect();
-    (!start.is_empty()).then(|| start.join(", "))
+/// What an axis is said to be simulated with that its homing needs: where it stands first, and where switches are.
+fn homed(axis: &AxisSpec) -> Option<String> {
+    let mut keys: Vec<String> = Vec::new();
+    for part in axis.simulation.as_deref()?.split(", ") {
+        match keys.last_mut() {
+            // The second value of the key before.
+            Some(key) if !part.contains(" = ") => *key = format!("{key}, {part}"),
+            _ => keys.push(part.to_owned()),
+        }
+    }
+    let needed = ["start", "reference_switch", "limit_switches"];
+    keys.retain(|key| needed.iter().any(|needed| key.starts_with(needed)));
+    (!keys.is_empty()).then(|| keys.join(", "))
 }
 
 /// An inertia with friction, and a torque that follows at once.
 fn rigid(axis: &mut AxisSpec) {
-    let start = start(axis);
-    if axis.simulation != start {
+    let homed = homed(axis);
+    if axis.simulation != homed {
         // What it was told of the torque that the axis takes is of another one.
         axis.feed_forward = None;
     }
-    axis.simulation = start;
+    axis.simulation = homed;
     if axis.transmission.take().is_some() {
         axis.corrected = None;
     }
