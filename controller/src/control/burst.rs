@@ -66,7 +66,7 @@ impl<const N: usize> Controller<N> {
             let how = (in_homing, couples);
             let mut prepared = axis.prepare(self.cycle + 1, plan, how, &self.nodes);
             if let Err(Fault::Axis(_, AxisCause::SetpointGuard { sampled, .. })) = &mut prepared {
-                *sampled = self.along_samples.is_active();
+                *sampled = self.along_samples.leads();
             }
             if prepared.is_err_and(|fault| fault.cause() == Cause::SetpointGuard) {
                 move_on = false;

@@ -19,7 +19,7 @@ pub(super) struct AlongSamples<const N: usize> {
     motion: Option<Arc<Sampled<N>>>,
     /// The cycle in which the axes were at the first sample.
     begun: Option<u64>,
-    /// They have been at the last one, or come to rest before.
+    /// They have been at the last one.
     over: bool,
     /// Length of the path along them, mm, once they are over.
     length: f64,
@@ -40,9 +40,15 @@ impl<const N: usize> AlongSamples<N> {
         self.begun.is_some() && !self.over
     }
 
+    /// Whether what drives are sent is what the samples ask for: on the way, and where they end, from which on the axes rest.
+    pub(super) fn leads(&self) -> bool {
+        self.begun.is_some() && self.motion.is_some()
+    }
+
     /// Ends it where it is, for good.
     pub(super) fn abort(&mut self) {
         self.over = true;
+        self.motion = None;
     }
 
     /// How many cycles ago the axes were at the first sample, in a cycle.
@@ -116,7 +122,7 @@ impl<const N: usize> Controller<N> {
         let is_over = since as f64 * self.layout.cycle.as_secs_f64() >= motion.duration();
         if is_over {
             let length = self.planned.distance;
-            self.along_samples.abort();
+            self.along_samples.over = true;
             self.rest_here();
             self.along_samples.length = length;
         }

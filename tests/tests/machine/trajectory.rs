@@ -463,6 +463,24 @@ fn drives_that_cannot_follow_fail_it() {
     );
 }
 
+/// What ends in motion asks for a stop at once: the trajectory is told to be wrong, and not we.
+#[test]
+fn a_motion_that_does_not_end_at_rest_is_told_as_what_it_is() {
+    let side = Side::new();
+    let mut rows = steady(40.0);
+    rows.truncate(rows.len() / 2);
+    let file = side.motion("cut.csv", 0.001, &rows);
+    let (code, json, errors) = side.judge(&file, &[]);
+    assert_eq!(code, 1, "{errors} {json:#}");
+    let outcome = json["response"]["outcome"].as_str().unwrap();
+    let asks = "axis Y: a setpoint whose acceleration is ";
+    assert!(
+        outcome.contains(asks)
+            && outcome.contains("the trajectory asks for more than the axis may do"),
+        "{outcome}"
+    );
+}
+
 /// A motion that keeps its limits, written with fewer and fewer decimals: what they do not decide stays undecidable, also
 /// where the controller refuses such samples, and the machine is not blamed for them. What was wrong beside that is.
 #[test]
