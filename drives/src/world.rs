@@ -157,8 +157,14 @@ impl World {
         let shaft = self.device_mut(follower).shaft_mut();
         let position = shaft.map_or(0.0, |shaft| shaft.position());
         for coupled in self.couplings.of(follower) {
-            coupled.ratio = 0.0;
-            coupled.zero = position;
+            coupled.parted = Some(position);
+        }
+    }
+
+    /// A coupling that broke is made whole: the shaft is where it would be if that had held.
+    pub fn join(&mut self, follower: DeviceId) {
+        for coupled in self.couplings.of(follower) {
+            coupled.parted = None;
         }
     }
 

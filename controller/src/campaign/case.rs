@@ -158,6 +158,7 @@ impl Case {
         interference::answer_wrongly(&mut dice(7), machine, &mut troubles);
         interference::switch_inputs(&mut dice(8), machine, cycles, &mut troubles);
         interference::slip(&mut dice(12), machine, cycles, &mut troubles);
+        interference::part(&mut dice(43), machine, cycles, &mut troubles);
         interference::command_besides(&mut dice(22), machine, cycles, &mut troubles);
         interference::be_strange(&mut dice(37), machine, cycles, &mut troubles);
         // The machine comes up once, in the first part.

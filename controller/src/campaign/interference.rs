@@ -33,6 +33,10 @@ pub enum Interference {
     Drive(usize, ToDrive),
     /// The coupling of an encoder slips by so many revolutions.
     Slip(usize, f64),
+    /// The coupling of an encoder breaks: it goes on saying where it was.
+    Part(usize),
+    /// It is whole again, and the encoder where it would be.
+    Join(usize),
     /// Somebody brings an axis whose drives are off by hand to where it may be enabled: inside its soft limits, with its sides
     /// together.
     Align(usize),
@@ -223,6 +227,7 @@ impl Interference {
     pub(super) fn end(&self) -> Option<Self> {
         match *self {
             Self::Drive(drive, what) => what.end().map(|end| Self::Drive(drive, end)),
+            Self::Part(encoder) => Some(Self::Join(encoder)),
             _ => None,
         }
     }
@@ -304,6 +309,8 @@ impl Interference {
             Self::Align(_) => "axis brought in place by hand",
             Self::Mended => "all mended",
             Self::Slip(..) => "coupling of an encoder slips",
+            Self::Part(_) => "coupling of an encoder breaks",
+            Self::Join(_) => "coupling of an encoder whole again",
             Self::Late(_) => "wake-up late",
             Self::StarvePlanner(_) => "planner starved",
         }
@@ -507,6 +514,29 @@ pub(super) fn slip(
                 at: When::draw(dice, cycles),
                 what: Interference::Slip(machine.drives() + place, by),
             });
+        }
+    }
+    troubles.sort_by_key(|trouble| trouble.at);
+}
+
+/// Couplings of encoders break; of some nobody makes them whole.
+pub(super) fn part(
+    dice: &mut Dice,
+    machine: &MachineSpec,
+    cycles: u32,
+    troubles: &mut Vec<Trouble>,
+) {
+    for place in 0..machine.encoders().count() {
+        if !dice.chance(0.2) {
+            continue;
+        }
+        let (at, encoder) = (When::draw(dice, cycles), machine.drives() + place);
+        let what = Interference::Part(encoder);
+        troubles.push(Trouble { at, what });
+        if dice.chance(0.5) {
+            let at = at.later(dice.whole(1..=cycles / 2));
+            let what = Interference::Join(encoder);
+            troubles.push(Trouble { at, what });
         }
     }
     troubles.sort_by_key(|trouble| trouble.at);

@@ -112,7 +112,10 @@ fn without_axis(case: &mut Case, axis: usize) {
             *aligned -= usize::from(*aligned > axis);
             true
         }
-        Interference::Drive(device, _) | Interference::Slip(device, _) => {
+        Interference::Drive(device, _)
+        | Interference::Slip(device, _)
+        | Interference::Part(device)
+        | Interference::Join(device) => {
             let place = left.iter().position(|it| Some(it) == before.get(*device));
             *device = place.unwrap_or_default();
             place.is_some()

@@ -422,6 +422,16 @@ impl<'a> Stage<'a> {
                         timeline.world().slip(*twin, *by);
                     }
                 }
+                Interference::Part(device) => {
+                    if let Some(twin) = self.twins.get(*device) {
+                        timeline.world().part(*twin);
+                    }
+                }
+                Interference::Join(device) => {
+                    if let Some(twin) = self.twins.get(*device) {
+                        timeline.world().join(*twin);
+                    }
+                }
                 Interference::Align(axis) => {
                     if !self.align(*axis) {
                         continue;

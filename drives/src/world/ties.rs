@@ -68,6 +68,7 @@ impl<'w> Ties<'w> {
             leader: Some(leader),
             ratio,
             zero,
+            parted: None,
         });
     }
 
@@ -85,6 +86,7 @@ impl<'w> Ties<'w> {
             leader: None,
             ratio: speed,
             zero,
+            parted: None,
         });
     }
 
@@ -127,9 +129,11 @@ pub(super) struct Follower {
     /// What turns it; `None`: time itself.
     leader: Option<DeviceId>,
     /// Revolutions for one of the leader, or for a second.
-    pub(super) ratio: f64,
+    ratio: f64,
     /// Where it is while the leader is at zero, or was at first.
     pub(super) zero: f64,
+    /// Where it stays, as nothing turns it any more.
+    pub(super) parted: Option<f64>,
 }
 
 /// Shafts that are tied together.
@@ -227,10 +231,16 @@ impl Follower {
                 shaft.load_motion_at(end)
             }
         };
-        let motion = Motion {
-            position: self.zero + self.ratio * load.position,
-            velocity: self.ratio * load.velocity,
-            acceleration: 0.0,
+        let motion = match self.parted {
+            None => Motion {
+                position: self.zero + self.ratio * load.position,
+                velocity: self.ratio * load.velocity,
+                acceleration: 0.0,
+            },
+            Some(position) => Motion {
+                position,
+                ..Motion::default()
+            },
         };
         let follower = all.device_mut(self.follower);
         follower.run_until(end);

@@ -43,9 +43,10 @@ fn suspects(scene: &Scene<'_>) -> Option<Vec<usize>> {
     let mut suspects = Vec::new();
     for (_, what) in &scene.interferences {
         match *what {
-            Interference::Drive(device, _) | Interference::Slip(device, _) => {
-                suspect(scene, device, &mut suspects)
-            }
+            Interference::Drive(device, _)
+            | Interference::Slip(device, _)
+            | Interference::Part(device)
+            | Interference::Join(device) => suspect(scene, device, &mut suspects),
             Interference::Align(axis) => {
                 for device in &scene.machine.axes[axis].drives {
                     suspect(scene, *device, &mut suspects);

@@ -403,7 +403,7 @@ fn stands_there(
     let spec = &scene.case.machine.axes[index];
     let fits = spec.corrected.is_some()
         && spec.corrected.as_ref() == spec.transmission.as_ref().map(|it| &it.errors);
-    let (Some((_, points)), true) = (&corrected.carriage, fits) else {
+    let (&Some((half, ref points)), true) = (&corrected.carriage, fits) else {
         return;
     };
     let Some(direction) = watched.direction else {
@@ -430,8 +430,8 @@ fn stands_there(
     .abs();
     let wound = axis.drives.iter().map(|drive| wound(scene, *drive));
     let allowed = STANDS * resolution + lines + wound.fold(0.0, f64::max);
-    // A drive that overshoots takes its carriage along, which stays there as the drive comes back.
-    let overshot = watched.overshot(direction);
+    // A drive that overshoots takes its carriage along, which stays there as the drive comes back through the play.
+    let overshot = watched.overshot(direction).min(2.0 * half);
     let off = direction * (load - watched.planned());
     if !(-allowed..=overshot + allowed).contains(&off) {
         found.violate(NAME, scene, "a carriage beside its axis", || {

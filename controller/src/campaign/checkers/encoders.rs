@@ -1,7 +1,8 @@
 //! An encoder beside an axis is listened to: where it falls silent, or says something else than the drives, the machine
 //! stops; where it agrees with them nobody says that it does not.
 //!
-//! By how much an encoder is off is known from what happened to its coupling.
+//! By how much an encoder is off is known from what happened to its coupling: it has slipped, or has broken, so that the encoder stays
+//! where it was as the axis goes on.
 
 use super::super::interference::{Interference, ToDrive};
 use super::reactions::{SILENT, is_up};
@@ -32,6 +33,10 @@ struct Watched {
     silent: u32,
     /// How far its coupling has slipped, mm.
     slipped: f64,
+    /// Where it stays as the coupling is broken, mm that what it sees has gone.
+    parted: Option<f64>,
+    /// How far it was off as a drive of its axis learned its place from it, mm.
+    learned: f64,
     /// Since when that is more than allowed while axes may move.
     since: Option<Instant>,
     /// A drive of its axis is asked for its position, which is held against it at rest alone.
@@ -42,6 +47,24 @@ struct Watched {
     is_held: bool,
     /// The last phase in which a drive of its axis learns its place from it; `None`: it does not.
     taught: Option<Phase>,
+}
+
+impl Watched {
+    /// How far it is off, beside what drives have learned from it, while what it sees has gone so far, mm.
+    fn off(&self, gone: f64) -> f64 {
+        self.parted.map_or(self.slipped, |stays| stays - gone) - self.learned
+    }
+}
+
+/// How far what an encoder sees has gone, mm.
+fn gone(scene: &Scene<'_>, encoder: usize) -> f64 {
+    let axis = scene.machine.encoders[encoder].axis;
+    let seen = axis.map(|axis| scene.machine.axes[axis].drives[0]);
+    let gone = seen.and_then(|drive| {
+        let travel = scene.machine.drives[drive].scaling.travel_per_revolution();
+        Some(scene.plants.get(drive)?.load_position * travel)
+    });
+    gone.unwrap_or_default()
 }
 
 impl Encoders {
@@ -141,6 +164,15 @@ impl Checker for Encoders {
             let spec = axis.and_then(|axis| scene.case.machine.axes[axis].encoder.as_ref());
             self.0[encoder].slipped += by * spec.map_or(0.0, |it| it.pitch);
         }
+        let drives = scene.machine.drives.len();
+        match what {
+            Interference::Part(device) => {
+                let (watched, gone) = (&mut self.0[device - drives], gone(scene, device - drives));
+                watched.parted.get_or_insert(watched.slipped + gone);
+            }
+            Interference::Join(device) => self.0[device - drives].parted = None,
+            _ => {}
+        }
     }
 
     fn told(&mut self, scene: &Scene<'_>, event: &Event, found: &mut Found) {
@@ -156,15 +188,14 @@ impl Checker for Encoders {
             return;
         };
         let (limit, margin) = allowed(scene, encoder);
-        let Watched {
-            slipped,
-            loses_steps,
-            ..
-        } = self.0[encoder];
-        if slipped.abs() + margin < limit && !loses_steps && scene.buses_are_sound() {
+        let (off, loses_steps) = (
+            self.0[encoder].off(gone(scene, encoder)),
+            self.0[encoder].loses_steps,
+        );
+        if off.abs() + margin < limit && !loses_steps && scene.buses_are_sound() {
             let what = "an encoder is said to disagree that does not";
             found.violate(NAME, scene, what, || {
-                format!("it has slipped by {slipped} mm: {event:?}")
+                format!("it is {off} mm off: {event:?}")
             });
         }
     }
@@ -178,9 +209,11 @@ impl Checker for Encoders {
             let cycles = scene.misses(drives + encoder) + IN_TIME;
             let mut in_time = f64::from(cycles) * scene.period();
             let mut is_compared = true;
+            let gone = gone(scene, encoder);
             if watched.taught.is_some_and(|last| scene.phase <= last) {
                 // It loses some again while it is held.
-                (watched.slipped, watched.loses_steps) = (0.0, watched.is_held);
+                watched.loses_steps = watched.is_held;
+                watched.learned += watched.off(gone);
             }
             if watched.waits_for_rest {
                 in_time += ASKED;
@@ -188,7 +221,8 @@ impl Checker for Encoders {
                 is_compared = drives.all(|it| scene.plants[*it].velocity.abs() < AT_REST);
             }
             let (limit, margin) = allowed(scene, encoder);
-            let is_over = watched.slipped.abs() > limit + margin;
+            let off = watched.off(gone);
+            let is_over = off.abs() > limit + margin;
             if !is_over || !is_compared || !is_up(scene.state) || scene.faulted {
                 watched.since = None;
             } else if scene.since(*watched.since.get_or_insert(scene.now)) > in_time
@@ -197,7 +231,7 @@ impl Checker for Encoders {
                 let what = "nothing is done about an encoder that disagrees";
                 found.violate(NAME, scene, what, || {
                     let name = &scene.machine.encoders[encoder].name;
-                    format!("{name} has slipped by {} mm", watched.slipped)
+                    format!("{name} is {off} mm off")
                 });
             }
         }

@@ -29,6 +29,8 @@ fn is_heard(scene: &Scene<'_>) -> bool {
         Interference::Bus(_, what) => matches!(what, ToBus::Nmt(..)),
         Interference::Drive(..)
         | Interference::Slip(..)
+        | Interference::Part(_)
+        | Interference::Join(_)
         | Interference::Align(_)
         | Interference::Mended
         | Interference::Late(_)

@@ -459,6 +459,8 @@ impl Checker for Reactions {
                 return;
             }
             Interference::Slip(..)
+            | Interference::Part(_)
+            | Interference::Join(_)
             | Interference::Align(_)
             | Interference::Mended
             | Interference::StarvePlanner(_) => return,

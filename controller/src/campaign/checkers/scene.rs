@@ -399,7 +399,9 @@ impl<'a> Scene<'a> {
                 !matches!(what, ToDrive::LoseTPdos(_) | ToDrive::Input(..))
             }
             Interference::Bus(_, what) => matches!(what, ToBus::Incoming(_) | ToBus::Unplug(_)),
+            Interference::Part(_) => true,
             Interference::Slip(..)
+            | Interference::Join(_)
             | Interference::Align(_)
             | Interference::Mended
             | Interference::Late(_)
@@ -492,6 +494,8 @@ impl<'a> Scene<'a> {
                 what,
                 Interference::Drive(..)
                     | Interference::Slip(..)
+                    | Interference::Part(_)
+                    | Interference::Join(_)
                     | Interference::Align(_)
                     | Interference::Mended
                     | Interference::StarvePlanner(_)
