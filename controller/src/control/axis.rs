@@ -12,6 +12,7 @@ mod skew;
 mod squaring;
 mod test_move;
 
+pub use cross_coupling::SidesApart;
 pub use feed_forward::AxisTorque;
 pub(super) use feedback::STEADY;
 pub use sample::{AxisSample, ToldTorque};
@@ -248,11 +249,16 @@ impl AxisControl {
         self.place_compensation(true);
         let position = position + self.correction_of_found(position, towards);
         let places = [position, position + squareness];
-        for ((edge, place), &drive) in edges.into_iter().zip(places).zip(&self.spec.drives) {
+        let held = self.holds_apart(nodes);
+        let sides = OUTWARDS.into_iter().zip(&self.spec.drives);
+        for ((edge, place), (outwards, &drive)) in edges.into_iter().zip(places).zip(sides) {
             let node = &mut nodes[drive];
             let (at, off) = match edge {
                 Some(edge) => (edge.at, edge.uncertainty.get()),
-                None => (node.setpoint.position, 1),
+                None => {
+                    let beside = node.increments(outwards * held)? - node.increments(0.0)?;
+                    (node.setpoint.position - beside, 1)
+                }
             };
             uncertainty = uncertainty.max(off as f64 * node.scaling().resolution());
             let origin = at - node.increments(place)?;
@@ -268,14 +274,14 @@ impl AxisControl {
     }
 
     /// Goes on at rest from where its setpoints are, which do not change; its position there, mm. Of a
-    /// gantry that is the middle of its sides, which are planned as far apart as they are, but for what couples them.
+    /// gantry that is the middle of its sides, which are planned as far apart as they are.
     pub(super) fn reseat(&mut self, nodes: &mut [DeviceNode]) -> f64 {
         for &drive in &self.spec.drives {
             let node = &mut nodes[drive];
             node.set_offset(node.origin());
         }
         let at = |side: usize| nodes[self.spec.drives[side]].setpoint_mm();
-        let coupled = self.coupling.as_ref().map_or(0.0, Coupling::last);
+        let coupled = self.holds_apart(nodes);
         let (sent, apart) = match self.sides.len() {
             2 => (f64::midpoint(at(0), at(1)), at(1) - at(0) - coupled),
             _ => (at(0), 0.0),

@@ -77,8 +77,8 @@ impl<const N: usize> Controller<N> {
         for index in 0..self.axes.len() {
             let axis = &mut self.axes[index];
             self.setpoints_change |= axis.hand_over(self.cycle + 1, move_on, &mut self.nodes);
-            if let Some(limit) = axis.coupling_ends() {
-                self.tell(Event::CouplingEnds { axis: index, limit });
+            if let Some(what) = axis.tells_sides() {
+                self.tell(Event::SidesApart { axis: index, what });
             }
         }
         outcome

@@ -1,5 +1,6 @@
 //! What the controller has to tell, as plain numbers; the text is made outside of the cycle.
 
+use super::axis::SidesApart;
 use super::fault::{AxisIndex, BlockCause, BusIndex, DeviceIndex, Fault, Names};
 use super::functions::Switch;
 use super::homing::{HomingFailure, LostReference, NotRecalled};
@@ -151,12 +152,12 @@ pub enum Event {
         /// is taken out before the machine is ready.
         stays: bool,
     },
-    /// The sides of an axis are sent as far apart as their coupling may send them.
-    CouplingEnds {
+    /// The sides of an axis that are coupled do not come together.
+    SidesApart {
         /// Which axis.
         axis: AxisIndex,
-        /// That far, mm.
-        limit: f64,
+        /// How so.
+        what: SidesApart,
     },
     /// The reference that an axis had when the machine was on last still holds.
     Recalled {
@@ -550,7 +551,7 @@ impl Event {
             | Self::Referenced { axis, .. }
             | Self::Askew { axis, .. }
             | Self::OutOfSquare { axis, .. }
-            | Self::CouplingEnds { axis, .. }
+            | Self::SidesApart { axis, .. }
             | Self::Tested { axis, .. }
             | Self::Unreferenced { axis, .. }
             | Self::Recalled { axis, .. }
@@ -729,9 +730,7 @@ impl Event {
                     false => format!("{apart}: they are taken square before the machine is ready"),
                 }
             }
-            Self::CouplingEnds { limit, .. } => format!(
-                "axis {name}: {limit} {unit}, the `limit` of its `cross_coupling`, do not keep its sides together: look what holds one back"
-            ),
+            Self::SidesApart { what, .. } => format!("axis {name}: {}", what.describe(unit)),
             Self::Unreferenced { why, .. } => {
                 let why = match why {
                     LostReference::DriveGone => "as its drive was gone: home it",

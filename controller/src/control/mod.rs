@@ -75,7 +75,7 @@ mod tests;
 mod threading;
 mod user_codes;
 
-pub use axis::{AxisSample, AxisTorque, ToldTorque};
+pub use axis::{AxisSample, AxisTorque, SidesApart, ToldTorque};
 pub use beside_path::Found;
 pub use event::{Event, Phase};
 pub use fault::Fault;

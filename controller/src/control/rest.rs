@@ -3,6 +3,7 @@
 //!
 //! Whenever a job is at work and nothing moves there is one reason, and it is looked up in what the cycle goes by.
 
+use super::axis::AxisControl;
 use super::fault::Names;
 use super::inputs::InputIndex;
 use super::user_codes::GRACE;
@@ -247,13 +248,17 @@ impl<const N: usize> Controller<N> {
         if self.along_samples.is_active() {
             return Some(Waiting::Samples);
         }
+        let corrects = !self.axes.iter().all(AxisControl::is_compensated);
         if self.executor.is_held() {
-            return (self.executor.wants_speed()).then_some(Waiting::Override(overrides));
+            return match self.executor.wants_speed() {
+                true => Some(Waiting::Override(overrides)),
+                false => corrects.then_some(Waiting::Corrections),
+            };
         }
         if self.executor.is_off_path() || !self.shaping.is_settled() {
             return None;
         }
-        if self.executor.mark().is_some() && !self.axes_rest() {
+        if self.executor.mark().is_some() && corrects {
             return Some(Waiting::Corrections);
         }
         match self.reached() {

@@ -255,13 +255,27 @@ fn couple(
         let revolution = REVOLUTION * it.travel_per_revolution().abs();
         (INCREMENTS * it.resolution()).max(revolution)
     });
+    let coarse = coarse.fold(0.0, f64::max);
+    if table.limit < coarse {
+        log.report(
+            table.span.clone(),
+            format!(
+                "{title}: {KEY}: `limit` of {} is less than what these drives tell apart",
+                table.limit
+            ),
+            format!(
+                "allowed: {INCREMENTS} increments, {coarse} {}, at the least",
+                axis.units()[0]
+            ),
+        );
+        return None;
+    }
     let mut coupling = CrossCoupling {
         gain: table.gain.as_ref().map_or(usual, |it| *it.get_ref()),
         greatest_gain: most,
         lead,
         limit: table.limit,
-        dead_zone: (table.dead_zone)
-            .unwrap_or_else(|| coarse.fold(0.0, f64::max).min(table.most_left_alone)),
+        dead_zone: (table.dead_zone).unwrap_or(coarse.min(table.most_left_alone)),
         ..CrossCoupling::default()
     };
     coupling.settle(time, &axis.sent_limits);

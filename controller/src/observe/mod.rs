@@ -397,7 +397,7 @@ impl Observers {
             jogging_s: self.seconds(cycles.jogs),
             awaiting_s: self.seconds(cycles.awaits),
             planning_s: self.seconds(cycles.planning),
-            settling_s: self.seconds(cycles.settling + cycles.settled),
+            settling_s: self.seconds(cycles.settling + cycles.settled + cycles.corrections),
             idle_s: self.seconds(cycles.idle),
         }
     }

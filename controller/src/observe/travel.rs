@@ -40,8 +40,10 @@ pub(super) struct Cycles {
     pub(super) planning: u64,
     /// It has rested since the last of the others: until the axes were in position.
     pub(super) settling: u64,
-    /// The same of jobs that are over, and until corrections came to rest in between.
+    /// The same of jobs that are over.
     pub(super) settled: u64,
+    /// The path rested in between until what axes are sent beside the plan did.
+    pub(super) corrections: u64,
     /// No job was at work.
     pub(super) idle: u64,
 }
@@ -60,12 +62,12 @@ impl Cycles {
             &mut self.idle
         } else if observed.waits {
             &mut self.waits
+        } else if observed.row.waiting == Some(Waiting::Corrections) {
+            &mut self.corrections
         } else if plan.busy && !threads {
             &mut self.dwells
         } else if observed.row.rests_for.is_some() {
             &mut self.awaits
-        } else if observed.row.waiting == Some(Waiting::Corrections) {
-            &mut self.settled
         } else {
             self.settling += 1;
             return;

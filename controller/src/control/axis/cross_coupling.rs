@@ -10,8 +10,12 @@
 //! runs out within its share of the limits, so that every stop that the plan has stays one.
 //!
 //! *At rest* nothing may move that nobody commanded. So an axis that has come to rest goes on for as long as its drives take to
-//! catch up, and then until its sides are together, for a bounded time, and counts as moving until then. After that it is held until
-//! the plan moves again. Sides that went together are not waited for.
+//! catch up, and then until its sides are together, or come no nearer to each other: by the mean of the difference, as that of a SYNC
+//! has the encoders' noise. Until then it counts as moving, and after that it is held until the plan moves again. Sides that went
+//! together are not waited for.
+//!
+//! *Where the axis is homed anew* what its sides are sent apart is split: as much as holds them, against friction, where they are
+//! stays, and the rest is how far apart they are.
 
 use super::super::node::DeviceNode;
 use super::AxisControl;
@@ -19,14 +23,41 @@ use crate::machine::CrossCoupling;
 
 /// So many times as long as one of the two lags takes, of which there are as much in the loop about them, the drives catch up at rest.
 const CATCHES_UP: f64 = 4.0;
-/// And so many times 1 / gain sides are waited for that do not come together, …
+/// Then they have to come nearer to each other, to this part of how far they were apart, in so many times 1 / gain, in which a difference
+/// comes to 0.14 by itself, and where friction lets go of a side late to a half, …
+const NEARER: (f64, f64) = (0.8, 2.0);
+/// … and are waited for so many times 1 / gain at the most.
 const PATIENCE: f64 = 8.0;
-/// … but for no longer than this, s.
-const LONGEST: f64 = 1.0;
+/// The mean of the difference forgets what was this part of 1 / gain before.
+const FORGETS: f64 = 0.25;
 /// It is told that this part of its limit is used up: it comes to all of it slowly.
 const ENDS: f64 = 0.95;
-/// What is no more than this part of its limit is there.
-const THERE: f64 = 1e-6;
+/// What is no more than this part of what its greatest jerk does in a cycle is there.
+const THERE: f64 = 0.1;
+
+/// What there is to tell of the sides of an axis that are coupled.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SidesApart {
+    /// They are sent as far apart as they may be, mm.
+    AtLimit(f64),
+    /// The axis has come to rest, and they come no nearer to each other than that, mm.
+    GivenUp(f64),
+}
+
+impl SidesApart {
+    /// What it is and what to do, in words.
+    pub(in crate::control) fn describe(self, unit: &str) -> String {
+        match self {
+            Self::AtLimit(limit) => format!(
+                "{limit} {unit}, the `limit` of its `cross_coupling`, do not keep its sides together: look what holds one back"
+            ),
+            Self::GivenUp(apart) => format!(
+                "at rest its sides come no nearer to each other than {apart:.4} {unit}: look what holds one back; where it is \
+                 their encoders' noise, state more as `dead_zone` of its `cross_coupling`"
+            ),
+        }
+    }
+}
 
 /// How far the second side is sent beyond the first, and what becomes of it.
 #[derive(Clone, Copy, Debug, Default)]
@@ -43,10 +74,22 @@ struct State {
     acceleration: f64,
     /// What of the difference was not left alone, if it was known, mm.
     beyond: Option<f64>,
-    /// For so long the plan has rested, s.
-    rested: f64,
+    rest: Rest,
     /// Nothing changes before the plan moves.
     held: bool,
+}
+
+/// How it goes while the plan rests.
+#[derive(Clone, Copy, Debug, Default)]
+struct Rest {
+    /// For so long it has, s.
+    time: f64,
+    /// The difference in the mean, mm.
+    mean: Option<f64>,
+    /// What that was, and when, as it was looked last whether the sides come nearer.
+    looked: Option<(f64, f64)>,
+    /// Nothing more is done about a difference.
+    is_over: bool,
 }
 
 /// Moves the sides of an axis against each other.
@@ -60,8 +103,8 @@ pub(super) struct Coupling {
     state: State,
     /// … and as the next one is prepared.
     next: State,
-    /// It came to its limit, which is told once.
-    ended: Option<bool>,
+    /// What is to be told, and whether it was: that it came to its limit, and that sides were given up.
+    told: [Option<(SidesApart, bool)>; 2],
 }
 
 impl Coupling {
@@ -73,7 +116,7 @@ impl Coupling {
             decay: libm::exp(-of.smoothing * period),
             state: State::default(),
             next: State::default(),
-            ended: None,
+            told: [None; 2],
         };
         it.begin(0.0);
         it
@@ -87,7 +130,7 @@ impl Coupling {
             held: true,
             ..State::default()
         };
-        (self.state, self.next, self.ended) = (held, held, None);
+        (self.state, self.next, self.told) = (held, held, [None; 2]);
     }
 
     /// How far the second side is sent beyond the first with the next setpoint, mm.
@@ -115,19 +158,19 @@ impl Coupling {
     fn prepare(&mut self, difference: Option<f64>, may: bool, moves: bool) {
         let mut state = self.state;
         if moves {
-            (state.rested, state.held) = (0.0, false);
-        } else {
-            state.rested += self.period;
+            (state.rest, state.held) = (Rest::default(), false);
+        } else if !state.rest.is_over {
+            state.rest.time += self.period;
+            state.rest.is_over = !may || self.is_over(&mut state, difference);
         }
         if !state.held {
-            let may = may && state.rested < (PATIENCE / self.of.gain).min(LONGEST);
-            let known = difference.filter(|_| may);
+            let known = difference.filter(|_| may && !state.rest.is_over);
             let beyond = known.map(|it| beyond(it, self.of.dead_zone));
             let before = std::mem::replace(&mut state.beyond, beyond);
             let changes = beyond.zip(before).map_or(0.0, |(now, before)| now - before);
             let led = beyond.unwrap_or_default() + self.of.lead * changes / self.period;
             self.step(&mut state, -self.of.gain * led);
-            state.held = !moves && self.is_done(&state, difference, may);
+            state.held = state.rest.is_over && self.is_there(&state);
             if state.held {
                 state.position = state.aim;
                 (state.velocity, state.acceleration) = (0.0, 0.0);
@@ -159,7 +202,7 @@ impl Coupling {
         state.aim += 0.5 * (before + velocity) * period;
         state.aims = velocity;
         if state.aim.abs() >= ENDS * limit {
-            self.ended.get_or_insert(false);
+            self.told[0].get_or_insert((SidesApart::AtLimit(limit), false));
         }
         // Both lags have the same time, so they are one of second order: behind a ramp by twice that, and what is off decays with what
         // is linear in time.
@@ -174,25 +217,57 @@ impl Coupling {
             - state.acceleration / (smoothing * smoothing);
     }
 
-    /// Whether all is done that was to be done about a plan that rests.
-    fn is_done(&self, state: &State, difference: Option<f64>, may: bool) -> bool {
-        let CrossCoupling {
-            smoothing,
-            dead_zone,
-            limit,
-            ..
-        } = self.of;
-        let is_there = state.aims == 0.0 && (state.aim - state.position).abs() <= THERE * limit;
-        let together = difference.is_some_and(|it| it.abs() <= dead_zone);
-        let caught_up = state.position.abs() <= dead_zone || state.rested >= CATCHES_UP / smoothing;
-        is_there && (!may || together && caught_up)
+    /// Whether what is under way has run out.
+    fn is_there(&self, state: &State) -> bool {
+        let cycle = self.of.jerk() * self.period * self.period * self.period;
+        state.aims == 0.0 && (state.aim - state.position).abs() <= THERE * cycle
     }
 
-    /// Whether it has come to its limit, which was not told before.
-    fn has_ended(&mut self) -> bool {
-        self.ended
-            .as_mut()
-            .is_some_and(|told| !std::mem::replace(told, true))
+    /// Whether nothing more is to be done about the sides of an axis whose plan rests: they are together, or come no nearer.
+    fn is_over(&mut self, state: &mut State, difference: Option<f64>) -> bool {
+        let CrossCoupling {
+            gain,
+            smoothing,
+            dead_zone,
+            ..
+        } = self.of;
+        let (position, rest) = (state.position, &mut state.rest);
+        if let Some(difference) = difference {
+            let before = rest.mean.unwrap_or(difference);
+            let share = (gain * self.period / FORGETS).min(1.0);
+            rest.mean = Some(before + share * (difference - before));
+        }
+        let caught_up = rest.time >= CATCHES_UP / smoothing;
+        let together = [difference, rest.mean].map(|it| it.is_some_and(|it| it.abs() <= dead_zone));
+        if together.contains(&true) && (caught_up || position.abs() <= dead_zone) {
+            return true;
+        }
+        let nearer = match (rest.looked, rest.mean) {
+            (Some((then, _)), Some(now)) => now.abs() <= NEARER.0 * then.abs(),
+            // Before they have caught up they may still come apart; while nothing is known nothing is said.
+            _ => true,
+        };
+        let since = rest
+            .looked
+            .map_or(f64::INFINITY, |(_, when)| rest.time - when);
+        let looks = since >= NEARER.1 / gain;
+        if caught_up && looks {
+            rest.looked = rest.mean.map(|now| (now, rest.time)).filter(|_| nearer);
+        }
+        let given_up = !nearer && looks || rest.time >= PATIENCE / gain;
+        if given_up {
+            let apart = rest.mean.unwrap_or_default().abs();
+            self.told[1].get_or_insert((SidesApart::GivenUp(apart), false));
+        }
+        given_up
+    }
+
+    /// What was not told before.
+    fn tells(&mut self) -> Option<SidesApart> {
+        let mut told = self.told.iter_mut().flatten();
+        let (what, is_told) = told.find(|(_, is_told)| !is_told)?;
+        *is_told = true;
+        Some(*what)
     }
 }
 
@@ -234,10 +309,22 @@ impl AxisControl {
         is_seen.then(|| other.plan_mm() - one.plan_mm() - self.apart(cycle))
     }
 
-    /// Whether its sides have come to be sent as far apart as they may be, which was not told before, mm.
-    pub(in crate::control) fn coupling_ends(&mut self) -> Option<f64> {
-        let coupling = self.coupling.as_mut()?;
-        coupling.has_ended().then_some(coupling.of.limit)
+    /// How much of what its sides are sent apart holds them at rest where they are, mm.
+    pub(super) fn holds_apart(&self, nodes: &[DeviceNode]) -> f64 {
+        let (Some(coupling), &[one, other]) = (&self.coupling, &self.spec.drives[..]) else {
+            return 0.0;
+        };
+        let ahead = |drive: usize| nodes[drive].setpoint_mm() - nodes[drive].actual_mm();
+        let (held, coupled) = (ahead(other) - ahead(one), coupling.last());
+        match held.abs() <= coupling.of.dead_zone {
+            true => 0.0,
+            false => held.clamp(coupled.min(0.0), coupled.max(0.0)),
+        }
+    }
+
+    /// What there is to tell of its sides, which was not told before.
+    pub(in crate::control) fn tells_sides(&mut self) -> Option<SidesApart> {
+        self.coupling.as_mut()?.tells()
     }
 }
 

@@ -759,9 +759,12 @@ impl<const N: usize> Controller<N> {
 
     /// The sides of gantries go where they belong, before the axes leave.
     fn await_square(&mut self) {
+        // One that something holds beside its setpoint is not waited for without end.
+        let waited = self.cycle - self.moved > self.cycles(self.layout.state_timeout);
         let settled = self.axes.iter().all(|axis| {
             let sample = axis.sample(self.cycle, &self.nodes);
-            !axis.squares(self.cycle) && axis.is_in_position(&sample)
+            let rests = !axis.squares(self.cycle) && axis.is_compensated();
+            rests && (waited || axis.is_in_position(&sample))
         });
         if settled {
             self.homing.stage = Stage::Leaving(false);

@@ -156,10 +156,10 @@ fn it_pushes_back() {
     }
 }
 
-/// At rest it waits for sides that it moved, and for those that stay apart no longer than it has patience; then it is held.
+/// At rest it waits for sides that it moved as long as they come nearer, and gives up those that do not; then it is held.
 #[test]
 fn it_is_held_at_rest() {
-    let rests_after = |apart: f64, moved: bool| {
+    let rests_after = |apart: &dyn Fn(usize) -> f64, moved: bool| {
         let of = drawn(0.02, 0.5, 300.0, 0.1);
         let mut it = Coupling::new(of, 2e-3);
         let go = |it: &mut Coupling, difference, moves| {
@@ -169,8 +169,8 @@ fn it_is_held_at_rest() {
         for _ in 0..200 {
             go(&mut it, if moved { 0.02 } else { 0.0 }, true);
         }
-        let rests = (0..5000).position(|_| {
-            go(&mut it, apart, false);
+        let rests = (0..5000).position(|cycle| {
+            go(&mut it, apart(cycle), false);
             it.rests()
         });
         let held = it.next();
@@ -178,18 +178,26 @@ fn it_is_held_at_rest() {
             go(&mut it, 1.0, false);
         }
         assert_eq!(it.next(), held);
-        rests.expect("it comes to rest") as f64 * 2e-3
+        let given_up =
+            std::iter::from_fn(|| it.tells()).any(|it| matches!(it, SidesApart::GivenUp(_)));
+        (rests.expect("it comes to rest") as f64 * 2e-3, given_up)
     };
-    assert_eq!(rests_after(0.0, false), 0.0);
-    let caught_up = rests_after(0.0, true);
-    assert!((0.03..0.3).contains(&caught_up), "{caught_up}");
-    // 8 / 6.25 1/s are more than a second.
-    let patience = 1.0;
-    let out_of_patience = rests_after(0.05, true);
-    assert!(
-        (patience - 0.01..patience + 0.4).contains(&out_of_patience),
-        "{out_of_patience}"
-    );
+    assert_eq!(rests_after(&|_| 0.0, false), (0.0, false));
+    let (caught_up, given_up) = rests_after(&|_| 0.0, true);
+    assert!((0.03..0.3).contains(&caught_up) && !given_up, "{caught_up}");
+    // 2 / gain are 0.32 s.
+    let (jammed, given_up) = rests_after(&|_| 0.05, true);
+    assert!((0.32..0.8).contains(&jammed) && given_up, "{jammed}");
+    let (nearer, given_up) =
+        rests_after(&|cycle| 0.05 * libm::exp(-6.25 * 2e-3 * cycle as f64), true);
+    assert!((0.5..0.9).contains(&nearer) && !given_up, "{nearer}");
+    // What comes nearer slowly is waited for, and not for ever.
+    let (slowly, given_up) =
+        rests_after(&|cycle| 0.05 * libm::exp(-2.0 * 2e-3 * cycle as f64), true);
+    assert!((1.2..1.6).contains(&slowly) && given_up, "{slowly}");
+    // Noise about nothing, by far more than the dead zone.
+    let (noisy, _) = rests_after(&|cycle| [0.01, -0.012, 0.008, -0.006][cycle % 4], true);
+    assert!(noisy < 0.6, "{noisy}");
 }
 
 /// That its limit is used up is told once, until it begins anew.
@@ -200,7 +208,7 @@ fn its_end_is_told_once() {
         let told = (0..1000).filter(|_| {
             it.prepare(Some(1.0), true, true);
             it.go_on();
-            it.has_ended()
+            it.tells() == Some(SidesApart::AtLimit(0.02))
         });
         assert_eq!(told.count(), 1);
         it.begin(0.0);
