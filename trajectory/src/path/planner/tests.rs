@@ -226,6 +226,47 @@ fn a_path_that_is_not_worth_the_work_is_crawled_along() {
     );
 }
 
+/// Where no speed is asked for the path is held, also if it rests in front of that by what distances are rounded by: as where an operator
+/// held it there, and lets it go on.
+#[test]
+fn a_rest_beside_where_no_speed_is_asked_for_is_held() {
+    let mut planner = Planner::new(LIMITS, [0.0; 3]);
+    let overrides = Overrides {
+        feed: 0.0,
+        rapid: 1.0,
+    };
+    planner.override_speeds(overrides, None);
+    let ends = [[0.0; 3], [10.0, 0.0, 0.0], [20.0, 0.0, 0.0]];
+    for (ends, feed) in ends.windows(2).zip([Feed::Rapid, Feed::Rate(50.0)]) {
+        let motion = Move {
+            curve: Curve::line(ends[0], ends[1]).unwrap(),
+            feed,
+            mode: PathControlMode::Blend(0.02),
+            tag: 0,
+        };
+        planner.push(PathItem::Move(motion)).unwrap();
+    }
+    planner.finish();
+    let mut held = false;
+    while let Some(command) = planner.pop() {
+        held |= matches!(command, Command::Hold);
+    }
+    assert!(held);
+    for off in [0.0, 1e-15, 1e-13, 9e-10] {
+        planner.cursor.departure = PathState {
+            distance: 10.0 - off,
+            ..PathState::default()
+        };
+        planner.cursor.holds = false;
+        assert!(!planner.plan_window(None));
+        let out: Vec<_> = planner.out.drain(..).collect();
+        assert!(
+            matches!(out[..], [Command::Hold, Command::Commit]),
+            "{off}: {out:?}"
+        );
+    }
+}
+
 /// Goes block by block along lines that come one every `every` cycles, and leaves each hold at once. Whatever the plan goes along
 /// has to be handed over with it.
 fn block_by_block(

@@ -125,7 +125,7 @@ impl<const N: usize> Task<'_, N> {
         });
         Some(if straight {
             &[Strategy::ClosedForm]
-        } else if self.end(self.halvings) <= self.from.distance {
+        } else if self.is_there() {
             &[Strategy::Stay]
         } else if self.answer.is_some() {
             &[Strategy::Ahead, Strategy::SlowForBends]
@@ -164,10 +164,15 @@ impl<const N: usize> Task<'_, N> {
         (self.gentle_stop).unwrap_or(end.min(self.stop)).min(known)
     }
 
+    /// The window begins where it ends, or before that by no more than distances along the path are rounded by.
+    fn is_there(&self) -> bool {
+        self.end(self.halvings) <= self.from.distance + NOTHING
+    }
+
     /// The path rests where the window is to begin, and does not go on.
     fn is_over(&self) -> bool {
         let rests = self.slowing.is_empty() && self.from.speed == 0.0;
-        rests && self.end(self.halvings) <= self.from.distance
+        rests && self.is_there()
     }
 
     fn plan(&self, window: &mut Window<N>, halvings: u32) -> bool {
