@@ -3,7 +3,8 @@
 //! NMT Operational, has to be told otherwise.
 //!
 //! Outputs are judged once all devices are known to be of the kind that is expected, as they were started: before that they
-//! are told nothing, and their outputs are as the devices themselves set them.
+//! are told nothing, and their outputs are as the devices themselves set them. So they are of a device whose control supply
+//! failed, until it is started again.
 
 use super::super::interference::{Interference, ToBus, ToDrive};
 use super::{Checker, Found, Scene};
@@ -20,6 +21,8 @@ const WITHIN: f64 = 2.0;
 pub(super) struct Faulted {
     /// Its devices were started.
     was_started: bool,
+    /// Those whose control supply has failed since.
+    restarted: Vec<usize>,
 }
 
 /// Whether the controller can be heard on all buses.
@@ -45,9 +48,18 @@ fn obeys(scene: &Scene<'_>, drive: usize) -> bool {
 }
 
 impl Checker for Faulted {
+    fn interfered(&mut self, _: &Scene<'_>, what: &Interference, _: &mut Found) {
+        if let Interference::Drive(device, ToDrive::Reset) = *what {
+            self.restarted.push(device);
+        }
+    }
+
     fn woken(&mut self, scene: &Scene<'_>, found: &mut Found) {
         // A machine that comes to be disabled before this phase was reached has started none.
-        self.was_started |= scene.phase == Phase::Start;
+        if scene.phase == Phase::Start {
+            self.was_started = true;
+            self.restarted.clear();
+        }
         let rests = matches!(scene.state, State::Faulted | State::Disabled);
         let last = scene.interferences.last();
         let is_over = last.is_none_or(|(at, _)| scene.since(*at) > WITHIN);
@@ -63,6 +75,9 @@ impl Checker for Faulted {
             }
         }
         for output in scene.machine.outputs.iter().filter(|_| self.was_started) {
+            if self.restarted.contains(&output.node) {
+                continue;
+            }
             let levels = scene.outputs.get(output.node).copied().unwrap_or(0);
             let is_on = levels >> output.signal & 1 != 0;
             if is_on != (output.safe != output.active_low) {

@@ -238,7 +238,9 @@ impl Checker for Stops {
             let it = &scene.drives[drive];
             let latched = it.latched.filter(|_| it.in_effect);
             let before = std::mem::replace(&mut self.latched[drive], latched);
-            if latched.is_some() && before.is_some() && latched != before {
+            // One without power goes nowhere, whatever it latches: as its bus is back, what came before that was gone.
+            let has_power = (scene.plants.get(drive)).is_some_and(|plant| plant.is_powered);
+            if latched.is_some() && before.is_some() && latched != before && has_power {
                 moved.push(drive);
             }
         }
