@@ -1,7 +1,9 @@
 //! What a campaign has reached, as tables: which command in which state, which trouble in which phase,
-//! which faults and refusals, and how long stops took.
+//! which faults and refusals, how long stops took, and what became of troubles.
 
 use super::checkers::{Scene, StopTimes};
+use super::kinds;
+use super::response::{Responses, Tracker};
 use super::stage::Seen;
 use crate::control::{self, Phase, State};
 use crate::session::{Command, Event};
@@ -18,10 +20,57 @@ pub struct Coverage {
     troubles: BTreeMap<String, BTreeMap<Phase, u64>>,
     /// What was told, by its kind.
     told: BTreeMap<String, u64>,
-    /// By cause: cycles until rest, the shortest first.
-    stops: BTreeMap<String, Vec<u64>>,
+    /// By cause: cycles until rest.
+    stops: BTreeMap<String, Counts>,
     /// States that machines were in.
     states: BTreeMap<String, u64>,
+    /// What became of troubles.
+    responses: Responses,
+}
+
+/// How often each of some whole numbers came: as small as there are different ones, and the same in whatever order they came.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Counts(BTreeMap<u64, u64>);
+
+impl Counts {
+    /// One that came.
+    pub(super) fn add(&mut self, value: u64) {
+        *self.0.entry(value).or_default() += 1;
+    }
+
+    /// Adds what came elsewhere.
+    pub(super) fn merge(&mut self, other: Self) {
+        for (value, count) in other.0 {
+            *self.0.entry(value).or_default() += count;
+        }
+    }
+
+    /// How many came.
+    #[must_use]
+    pub fn total(&self) -> u64 {
+        self.0.values().sum()
+    }
+
+    /// The number that so many per cent of them are no greater than; 0 of none.
+    #[must_use]
+    pub fn at(&self, percent: u64) -> u64 {
+        let wanted = self.total().saturating_sub(1) * percent / 100;
+        let mut before = 0;
+        let reaches = |(_, count): &(&u64, &u64)| {
+            before += **count;
+            before > wanted
+        };
+        self.0.iter().find(reaches).map_or(0, |(value, _)| *value)
+    }
+}
+
+impl fmt::Display for Counts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.total() {
+            0 => f.write_str("–"),
+            _ => write!(f, "{} {} {}", self.at(50), self.at(99), self.at(100)),
+        }
+    }
 }
 
 /// Where in a case something may come.
@@ -62,20 +111,18 @@ impl Coverage {
             Seen::Told(Event::Accepted(it)) => self.command(scene.state, &it.command, 0),
             Seen::Told(Event::Refused(it)) => {
                 self.command(scene.state, &it.command, 1);
-                self.count(format!("refusal: {}", kind(&format!("{:?}", it.reason))));
+                self.count(kinds::refusal(&it.reason));
             }
             Seen::Told(Event::State(state)) => {
                 *self.states.entry(state.to_string()).or_default() += 1;
             }
             Seen::Told(Event::Machine(event)) => match event {
-                control::Event::Fault(fault) => {
-                    self.count(format!("fault: {}", kind(&format!("{fault:?}"))));
-                }
+                control::Event::Fault(fault) => self.count(kinds::fault(fault)),
                 control::Event::Phase(_) | control::Event::State(_) => {}
-                event => self.count(format!("event: {}", kind(&format!("{event:?}")))),
+                event => self.count(format!("event: {}", kinds::kind(event))),
             },
             Seen::Told(Event::Problem(error)) => {
-                self.count(format!("problem: {}", kind(&format!("{error:?}"))));
+                self.count(format!("problem: {}", kinds::kind(error)));
             }
             Seen::Frame { .. }
             | Seen::Commanded(_)
@@ -93,12 +140,19 @@ impl Coverage {
         states.entry(state).or_default()[place] += 1;
     }
 
-    pub(super) fn stops(&mut self, times: &StopTimes) {
-        for (cause, cycles) in &times.0 {
-            let stops = self.stops.entry((*cause).to_owned()).or_default();
-            stops.push(*cycles);
-            stops.sort_unstable();
+    /// Takes how long the stops of a case took, and what became of its troubles.
+    pub(super) fn end(&mut self, times: &StopTimes, troubles: Tracker) {
+        for stop in &times.0 {
+            let stops = self.stops.entry(stop.cause.to_owned()).or_default();
+            stops.add(stop.cycles);
         }
+        self.responses.merge(troubles.end(times));
+    }
+
+    /// What became of troubles.
+    #[must_use]
+    pub fn responses(&self) -> &Responses {
+        &self.responses
     }
 
     /// Adds what another case reached.
@@ -125,10 +179,9 @@ impl Coverage {
             }
         }
         for (cause, cycles) in other.stops {
-            let mine = self.stops.entry(cause).or_default();
-            mine.extend(cycles);
-            mine.sort_unstable();
+            self.stops.entry(cause).or_default().merge(cycles);
         }
+        self.responses.merge(other.responses);
     }
 }
 
@@ -174,14 +227,6 @@ impl Coverage {
         }
         Ok(())
     }
-}
-
-/// The kind of a value by its debug text: names of variants, without what they carry.
-fn kind(text: &str) -> String {
-    let names = text.split(|c: char| !c.is_alphanumeric());
-    let variants = names.filter(|name| name.starts_with(|c: char| c.is_ascii_uppercase()));
-    let variants: Vec<&str> = variants.take(2).collect();
-    variants.join(" ")
 }
 
 /// A command's kind, as the tables name it.
@@ -240,19 +285,19 @@ impl fmt::Display for Coverage {
         for (what, count) in &self.told {
             writeln!(f, "  {count:>8} {what}")?;
         }
-        self.seldom(f)?;
-        writeln!(f, "from cause to rest, cycles: count, median, 99 %, most:")?;
-        for (cause, cycles) in &self.stops {
-            let at = |part: usize| cycles[(cycles.len() - 1) * part / 100];
+        writeln!(f, "never told:")?;
+        for (what, why) in kinds::not_told(|kind| self.told.contains_key(kind)) {
             writeln!(
                 f,
-                "  {cause:<12} {} {} {} {}",
-                cycles.len(),
-                at(50),
-                at(99),
-                at(100)
+                "           {what}{}",
+                why.map_or_else(String::new, |why| format!(": {why}"))
             )?;
         }
-        Ok(())
+        self.seldom(f)?;
+        writeln!(f, "from cause to rest, cycles: count; median, 99 %, most:")?;
+        for (cause, cycles) in &self.stops {
+            writeln!(f, "  {cause:<12} {:>7}   {cycles}", cycles.total())?;
+        }
+        self.responses.fmt(f)
     }
 }

@@ -13,7 +13,8 @@
 //! - [`case`]: all of it as data, for files
 //! - [`stage`]: where it is played
 //! - [`checkers`]: what must hold
-//! - [`coverage`]: what was reached
+//! - [`coverage`]: what was reached; `kinds`: all that there is to be told
+//! - [`response`]: what became of troubles, and how soon
 //! - [`explore`]: steering towards what was not
 //! - [`shrink`]: the smallest case that still fails
 //!
@@ -27,9 +28,11 @@ pub mod coverage;
 mod dice;
 pub mod explore;
 mod interference;
+mod kinds;
 mod machine;
 mod operator;
 mod program;
+pub mod response;
 pub mod shrink;
 pub mod stage;
 
@@ -74,15 +77,16 @@ pub fn run(case: &Case, wanted: Wanted, show: &mut dyn FnMut(&Seen)) -> Outcome 
     let played = panic::catch_unwind(AssertUnwindSafe(|| {
         let machine = case.machine.machine()?;
         let mut checkers = Checkers::new(case, &machine);
-        let mut coverage = Coverage::default();
+        let (mut coverage, mut troubles) = (Coverage::default(), response::Tracker::default());
         let played = stage::play(case, &machine, wanted, &mut |seen| {
             coverage.see(checkers.scene(), &seen);
+            troubles.see(checkers.scene(), &seen);
             checkers.see(&seen);
             show(&seen);
         });
         let played = played.map_err(|error| error.to_string())?;
         checkers.end(&played);
-        coverage.stops(checkers.stop_times());
+        coverage.end(checkers.stop_times(), troubles);
         let plants = checkers.scene().plants.iter();
         let powered = plants.map(|plant| plant.is_powered).collect();
         Ok::<_, String>((checkers.found.0, coverage, powered, played))

@@ -10,6 +10,7 @@ use super::probing::ProbeFailure;
 use super::setpoint_guard::Quantity;
 use super::threading::ThreadFailure;
 use std::fmt;
+use strum::VariantNames;
 use syncline_canopen::NodeId;
 use syncline_canopen::emcy::Emergency;
 use syncline_canopen::nmt;
@@ -26,7 +27,7 @@ pub type BusIndex = usize;
 
 /// What stopped the machine: a subject and what it did. Subjects that can do but one thing have no causes of their own. The
 /// machine stays stopped until a person starts it again.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, VariantNames)]
 pub enum Fault {
     /// A device, or what has its node id.
     Device(DeviceIndex, DeviceCause),
@@ -59,7 +60,7 @@ pub enum Fault {
 }
 
 /// What a device did, or did not do.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[derive(Clone, Copy, Debug, PartialEq, Error, VariantNames)]
 pub enum DeviceCause {
     /// It did not send its boot-up message after the reset.
     #[error("no boot-up message after the reset: check power, cabling, node id and bit rate")]
@@ -291,7 +292,7 @@ impl DeviceCause {
 }
 
 /// What an axis did.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, VariantNames)]
 pub enum AxisCause {
     /// It is not referenced, which the program needs.
     Unreferenced,
@@ -381,7 +382,7 @@ pub enum AxisCause {
 }
 
 /// What the spindle did, which its drive turns.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[derive(Clone, Copy, Debug, PartialEq, Error, VariantNames)]
 pub enum SpindleCause {
     /// It fell away from its speed while the path cut.
     #[error(
@@ -410,7 +411,7 @@ pub enum SpindleCause {
 }
 
 /// Why a block of the program could not be executed.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, VariantNames)]
 pub enum BlockCause {
     /// It could not probe.
     Probing(ProbeFailure),
@@ -419,7 +420,7 @@ pub enum BlockCause {
 }
 
 /// What went wrong with a bus.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[derive(Clone, Copy, Debug, PartialEq, Error, VariantNames)]
 pub enum BusCause {
     /// Too many bursts were dropped or late.
     #[error(

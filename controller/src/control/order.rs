@@ -6,6 +6,7 @@ use super::{
 };
 use crate::machine::COORDINATES;
 use std::mem::take;
+use strum::VariantNames;
 use syncline_gcode::AxisLetter;
 use syncline_trajectory::path::{Jog, JogError, Overrides};
 
@@ -75,7 +76,7 @@ pub enum Order<const N: usize = COORDINATES> {
 }
 
 /// Why an order is refused, and what to do.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error, VariantNames)]
 pub enum Refusal {
     /// The state of the machine forbids it.
     #[error(transparent)]

@@ -5,6 +5,7 @@ use crate::control::{self, Layout, Order};
 use crate::machine::{COORDINATES, OutputSwitch};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
+use strum::VariantNames;
 use syncline_gcode::AxisLetter;
 use syncline_trajectory::path;
 
@@ -128,7 +129,7 @@ impl Command {
 }
 
 /// Why a command is refused, and what to do.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error, VariantNames)]
 pub enum Refusal {
     /// The machine would not.
     #[error(transparent)]

@@ -64,9 +64,20 @@ pub(super) struct Stops {
     commanded: bool,
 }
 
-/// From a cause to the last setpoint that changed, in cycles, by the cause.
+/// How long the stops of a case took.
 #[derive(Clone, Debug, Default)]
-pub struct StopTimes(pub Vec<(&'static str, u64)>);
+pub struct StopTimes(pub Vec<StopTime>);
+
+/// How long one took.
+#[derive(Clone, Copy, Debug)]
+pub struct StopTime {
+    /// Its cause.
+    pub cause: &'static str,
+    /// When that was.
+    pub since: Instant,
+    /// Cycles from there to the last setpoint that changed.
+    pub cycles: u64,
+}
 
 struct Stop {
     cause: &'static str,
@@ -134,9 +145,14 @@ impl Stops {
     fn end(&mut self, scene: &Scene<'_>, is_over: impl Fn(&Stop) -> bool) {
         let stop = self.stop.take_if(|stop| is_over(stop));
         if let Some(stop) = stop.filter(|stop| scene.since(stop.moved) > RESTS * scene.period()) {
-            let took = stop.moved.saturating_since(stop.since).as_nanos();
-            let cycles = took / scene.machine.cycle.as_nanos();
-            self.times.0.push((stop.cause, cycles as u64));
+            let (cause, since) = (stop.cause, stop.since);
+            let took = stop.moved.saturating_since(since).as_nanos();
+            let cycles = (took / scene.machine.cycle.as_nanos()) as u64;
+            self.times.0.push(StopTime {
+                cause,
+                since,
+                cycles,
+            });
         }
     }
 

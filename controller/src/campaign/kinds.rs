@@ -1,0 +1,107 @@
+//! What there is to be told: every kind of fault and of refusal, so that a campaign can say which of them it never met, and why.
+
+use crate::control::fault::{AxisCause, BlockCause, BusCause, DeviceCause, SpindleCause};
+use crate::control::{self, Fault};
+use crate::session;
+use std::fmt::Debug;
+use strum::VariantNames;
+
+/// What no case meets, and why.
+const NOT_MET: [(&str, &str); 0] = [];
+
+/// The kind of a value by its debug text: names of the first two variants, without what they carry.
+pub(super) fn kind(value: &dyn Debug) -> String {
+    let text = format!("{value:?}");
+    let unquoted = text.split('"').next().unwrap_or_default();
+    let names = unquoted.split(|c: char| !c.is_alphanumeric());
+    let variants = names.filter(|name| name.starts_with(|c: char| c.is_ascii_uppercase()));
+    let variants: Vec<&str> = variants.take(2).collect();
+    variants.join(" ")
+}
+
+/// The kind of a fault.
+pub(super) fn fault(fault: &Fault) -> String {
+    format!("fault: {}", kind(fault))
+}
+
+/// The kind of a refusal: of the machine's with its reason.
+pub(super) fn refusal(reason: &session::Refusal) -> String {
+    let kind = match reason {
+        session::Refusal::Machine(_) => kind(reason),
+        _ => kind(reason).split(' ').take(1).collect(),
+    };
+    format!("refusal: {kind}")
+}
+
+/// Every kind of fault and of refusal that there is.
+fn all() -> Vec<String> {
+    let subjects: [(&str, &[&str]); 5] = [
+        ("Device", DeviceCause::VARIANTS),
+        ("Axis", AxisCause::VARIANTS),
+        ("Bus", BusCause::VARIANTS),
+        ("Spindle", SpindleCause::VARIANTS),
+        ("Block", BlockCause::VARIANTS),
+    ];
+    let of = |all: &[(&str, &[&str])], names: &[&str], what: &str| -> Vec<String> {
+        let causes = |name: &str| all.iter().find(|(subject, _)| *subject == name);
+        let each = |name: &&str| match causes(name) {
+            Some((_, causes)) => (causes.iter())
+                .map(|cause| format!("{what}: {name} {cause}"))
+                .collect(),
+            None => vec![format!("{what}: {name}")],
+        };
+        names.iter().flat_map(each).collect()
+    };
+    let machine = [("Machine", control::Refusal::VARIANTS)];
+    let mut all = of(&subjects, Fault::VARIANTS, "fault");
+    all.extend(of(&machine, session::Refusal::VARIANTS, "refusal"));
+    all
+}
+
+/// What was not told of all that there is, with the reason why no case meets it if there is one.
+pub(super) fn not_told(told: impl Fn(&str) -> bool) -> Vec<(String, Option<&'static str>)> {
+    let reason = |kind: &str| NOT_MET.iter().find(|(it, _)| *it == kind).map(|it| it.1);
+    let missing = all().into_iter().filter(|kind| !told(kind));
+    missing.map(|kind| (kind.clone(), reason(&kind))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::HomingFailure;
+
+    /// The names by which something is counted are those of the list.
+    #[test]
+    fn what_is_told_is_one_of_all_kinds() {
+        let all = all();
+        let faults = [
+            Fault::Program,
+            Fault::NotEnabled { input: 2 },
+            Fault::Device(1, DeviceCause::HeartbeatLost),
+            Fault::Axis(0, AxisCause::Homing(HomingFailure::NotFound)),
+            Fault::Bus(0, BusCause::LateSetpoints { count: 3 }),
+        ];
+        for it in &faults {
+            assert!(all.contains(&fault(it)), "{}", fault(it));
+        }
+        let refusals = [
+            session::Refusal::Stopped,
+            session::Refusal::Misspelt("G1 X".to_owned()),
+            session::Refusal::Machine(control::Refusal::Untested(1)),
+        ];
+        for it in &refusals {
+            assert!(all.contains(&refusal(it)), "{}", refusal(it));
+        }
+    }
+
+    /// A reason belongs to what there is.
+    #[test]
+    fn what_is_not_met_is_one_of_all_kinds() {
+        let all = all();
+        for (kind, reason) in NOT_MET {
+            assert!(all.iter().any(|it| it == kind), "{kind}: {reason}");
+        }
+        let missing = not_told(|kind| kind != "fault: Program");
+        assert_eq!(missing, [("fault: Program".to_owned(), None)]);
+    }
+}
