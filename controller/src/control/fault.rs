@@ -280,14 +280,15 @@ impl DeviceCause {
         )
     }
 
-    /// Whether the device may hear no R_PDOs any more: it is silent, or not in Operational, as behind its boot-up.
+    /// Whether the device may hear no R_PDOs any more: it is silent, or not in Operational, as behind its boot-up, or does not do
+    /// what it is told by R_PDO.
     #[must_use]
     pub(super) fn is_deafness(&self) -> bool {
         let is_elsewhere = matches!(
             self,
             Self::NmtState { .. } | Self::UnknownNmtState { .. } | Self::Rebooted
         );
-        is_elsewhere || self.is_silence()
+        is_elsewhere || matches!(self, Self::StateTimeout { .. }) || self.is_silence()
     }
 }
 

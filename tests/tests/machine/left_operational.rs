@@ -6,7 +6,7 @@ use super::{described, losses, stepper, velocity};
 use proptest::prelude::*;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CobId, Frame, nmt};
-use syncline_controller::control::fault::{AxisCause, BusCause};
+use syncline_controller::control::fault::{AxisCause, BusCause, DeviceCause};
 use syncline_controller::control::{End, Fault, State};
 use syncline_controller::port::Port;
 use syncline_controller::session::Command;
@@ -413,4 +413,23 @@ fn a_machine_that_stays_on_makes_them_safe_too_and_is_brought_back() {
     assert_eq!(cabinet(&mut rig), (CHAIN | LAMP | VALVE, 0));
     let behind = rig.sent(CobId::r_sdo(node)).len();
     assert_eq!(before, behind);
+}
+
+/// A drive that no R_PDO reaches from the beginning, in Operational as it is, shows it by not being enabled. Its outputs are made safe by
+/// SDO then.
+#[test]
+fn outputs_of_a_drive_that_does_not_do_as_it_is_told_are_made_safe() {
+    const LAMP: &str = "[[output]]\nname = \"lamp\"\ndrive = \"Z\"\nsignal = \"DQ0\"\nsafe = \"on\"\nnumber = 1\n\n[machine]\n";
+    const Z: usize = 3;
+    let mut rig = Rig::staying_on("portal", &[("[machine]\n", LAMP)], |_, _| ());
+    rig.twin(Z).disturb(Disturbance::Deaf(true));
+    settle(&mut rig);
+    assert_eq!(state(&rig), State::Faulted);
+    let fault = rig.session.faults()[0];
+    let is_timeout = |cause| matches!(cause, DeviceCause::StateTimeout { .. });
+    assert!(
+        matches!(fault, Fault::Device(Z, cause) if is_timeout(cause)),
+        "{fault:?}"
+    );
+    assert_eq!(rig.twin(Z).outputs() & 1, 1);
 }
