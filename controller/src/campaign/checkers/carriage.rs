@@ -379,16 +379,19 @@ fn extent(all: impl Iterator<Item = f64> + Clone, [less, more]: [f64; 2]) -> [f6
     [least + less, all.fold(f64::NEG_INFINITY, f64::max) + more]
 }
 
-/// By how much the friction of its guide may hold what a drive moves away from it at rest, against a transmission that gives way, mm.
-fn wound(scene: &Scene<'_>, drive: usize) -> f64 {
+/// By how much what a drive moves may be away from it against a transmission that gives way, mm: by the friction of its guide, by a weight,
+/// and by grease where it goes at that speed, mm/s.
+pub(super) fn wound(scene: &Scene<'_>, drive: usize, speed: f64) -> f64 {
     let axis = &scene.machine.axes[scene.machine.drives[drive].axis];
+    let travel = axis.mm_per_revolution.abs() / TAU;
     let own = axis.simulation.as_ref().and_then(Simulation::driven);
     let train = own.map(|own| scene.machine.at_shaft(drive, &own).train);
     let twist = train.and_then(|train| {
-        let stiffness = train.elasticity?.stiffness;
-        Some(train.guide.level(0.0) / stiffness)
+        let guide = train.guide.level(0.0) + train.guide.viscous * speed / travel;
+        let torque = guide + train.load_torque.abs();
+        Some(torque / train.elasticity?.stiffness)
     });
-    twist.map_or(0.0, |twist| twist / TAU * axis.mm_per_revolution.abs())
+    twist.map_or(0.0, |twist| twist * travel)
 }
 
 /// At rest the carriage is where the axis is, if what the machine file compensates is what it has.
@@ -428,7 +431,7 @@ fn stands_there(
     let lines = (on_straight_lines(points, watched.planned())
         - corrected.curve.at(watched.planned()))
     .abs();
-    let wound = axis.drives.iter().map(|drive| wound(scene, *drive));
+    let wound = axis.drives.iter().map(|drive| wound(scene, *drive, 0.0));
     let allowed = STANDS * resolution + lines + wound.fold(0.0, f64::max);
     // A drive that overshoots takes its carriage along, which stays there as the drive comes back through the play.
     let overshot = watched.overshot(direction).min(2.0 * half);

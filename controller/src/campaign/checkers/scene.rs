@@ -4,7 +4,7 @@ use super::super::case::Case;
 use super::super::interference::{Interference, ToBus, ToDrive};
 use super::super::machine::Wire;
 use super::super::stage::Woken;
-use super::carriage::Corrected;
+use super::carriage::{Corrected, wound};
 use crate::control::fault::DeviceCause;
 use crate::control::{self, Fault, Phase, State};
 use crate::machine::{HomingMethod, Machine, Motion};
@@ -593,7 +593,13 @@ impl<'a> Scene<'a> {
                     self.set_off[*axis] += corrected.drives(position) - actual;
                     self.homed_off[*axis] = corrected.half + SWAYS * resolution + went + held;
                 } else {
-                    self.homed_off[*axis] = corrected.greatest();
+                    // A switch is tripped by what its drive moves.
+                    let speed = match &spec.homing.method {
+                        HomingMethod::Switch(search) => search.slow_speed,
+                        _ => 0.0,
+                    };
+                    let wound = spec.drives.iter().map(|it| wound(self, *it, speed));
+                    self.homed_off[*axis] = corrected.greatest() + wound.fold(0.0, f64::max);
                 }
             }
             Event::Machine(
