@@ -151,6 +151,8 @@ pub(super) struct AxisWatches {
     period: f64,
     planned: Differences,
     sides: Vec<Side>,
+    /// It was told that its sides stay apart.
+    stands_apart: bool,
     /// Sum of the squares of the following error, and of how many rows.
     squares: f64,
     rows: u64,
@@ -271,6 +273,7 @@ impl AxisWatches {
                 .filter(|&(_, &drive)| machine.drives[drive].model.is_sent(Setpoints::Positions))
                 .map(|(place, &drive)| Side::new(machine, drive, place))
                 .collect(),
+            stands_apart: false,
             squares: 0.0,
             rows: 0,
             following_at: Place::default(),
@@ -286,9 +289,18 @@ impl AxisWatches {
         self.referenced = referenced;
         self.next = u64::MAX;
         self.planned = Differences::new(self.period, Uncertainty::Numbers);
+        self.count_sides_anew();
+    }
+
+    fn count_sides_anew(&mut self) {
         for side in &mut self.sides {
             side.offset = None;
         }
+    }
+
+    /// Behind the next row, which is of the cycle before that was so, its sides count from where they rest apart, and are planned there.
+    pub(super) fn stand_apart(&mut self) {
+        self.stands_apart = true;
     }
 
     /// From the next row on its positions are no machine positions. They count on, and it may be in motion.
@@ -376,6 +388,9 @@ impl AxisWatches {
         let beyond = beyond + 0.5 * self.coupling.map_or(0.0, |it| it.limit);
         let of_sent = (min - beyond, max + beyond);
         let sent = sent.map_or([0.0; SENT], |sent| self.latch(row, sent, of_sent));
+        if std::mem::take(&mut self.stands_apart) {
+            self.count_sides_anew();
+        }
         let AxisLimits {
             velocity,
             acceleration,

@@ -264,6 +264,9 @@ impl Observers {
                 why: LostReference::CutOff,
             } => self.axes[*axis].forget_reference(),
             Event::Unreferenced { axis, .. } => self.axes[*axis].count_anew(false),
+            Event::OutOfSquare {
+                axis, stays: true, ..
+            } => self.axes[*axis].stand_apart(),
             _ => {}
         }
     }

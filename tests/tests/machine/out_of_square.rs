@@ -277,6 +277,28 @@ fn what_interrupts_it_comes_at_once() {
     }
 }
 
+/// One side goes further than the soft limit to which the axis goes then: by half of what its sides are left apart.
+#[test]
+fn an_axis_whose_sides_stay_apart_goes_to_its_soft_limits() {
+    for limit in ["0", "1500"] {
+        let mut rig = switched_on(0.45);
+        rig.run_to(Phase::Square);
+        for _ in 0..16 {
+            rig.step();
+        }
+        interrupt(&mut rig, Interruption::Hold);
+        settle(&mut rig);
+        assert!(matches!(told(&rig)[..], [(_, false), (_, true)]));
+        set(&mut rig, HOLD, false);
+        let _ = apart_at_rest(&mut rig);
+        go(&mut rig, Command::Mdi(format!("G0 X{limit}")));
+        assert_eq!(rig.refused, []);
+        rig.command(Command::SwitchOff);
+        let summary = rig.judge();
+        assert_eq!(summary.violations, [], "X {limit}");
+    }
+}
+
 #[test]
 fn a_run_takes_a_gantry_square_before_it_begins() {
     let program = "G4 P0.05\nG0 X100\nM2\n";
