@@ -4,17 +4,24 @@
 //!
 //! Outputs are judged once all devices are known to be of the kind that is expected, as they were started: before that they
 //! are told nothing, and their outputs are as the devices themselves set them. So they are of a device whose control supply
-//! failed, until it is started again.
+//! failed, until it is started again. And nobody sees that another master enables a drive that tells nothing of itself, as it is not
+//! in NMT Operational, or there is no SYNC: the next survey does.
 
 use super::super::interference::{Interference, ToBus, ToDrive};
 use super::{Checker, Found, Scene};
 use crate::control::{Phase, State};
+use std::collections::{BTreeMap, BTreeSet};
+use syncline_canopen::Instant;
+use syncline_drives::bus::Transmission;
 
 const NAME: &str = "faulted";
 
 /// How long that may take in these states, and after what happened last, s: requests by SDO that get no answer are
 /// repeated behind NMT commands.
 const WITHIN: f64 = 2.0;
+
+/// A drive that has not said for so many cycles what it does is not seen.
+const SEEN: f64 = 3.0;
 
 /// See the module.
 #[derive(Default)]
@@ -23,6 +30,9 @@ pub(super) struct Faulted {
     was_started: bool,
     /// Those whose control supply has failed since.
     restarted: Vec<usize>,
+    /// By drive: when it said last what it does, and that somebody has enabled it unseen since.
+    told: BTreeMap<usize, Instant>,
+    unseen: BTreeSet<usize>,
 }
 
 /// Whether the controller can be heard on all buses.
@@ -48,9 +58,23 @@ fn obeys(scene: &Scene<'_>, drive: usize) -> bool {
 }
 
 impl Checker for Faulted {
-    fn interfered(&mut self, _: &Scene<'_>, what: &Interference, _: &mut Found) {
-        if let Interference::Drive(device, ToDrive::Reset) = *what {
-            self.restarted.push(device);
+    fn interfered(&mut self, scene: &Scene<'_>, what: &Interference, _: &mut Found) {
+        match *what {
+            Interference::Drive(device, ToDrive::Reset) => self.restarted.push(device),
+            Interference::Drive(drive, ToDrive::FoundEnabled) => {
+                let told = self.told.get(&drive);
+                if told.is_none_or(|told| scene.since(*told) > SEEN * scene.period()) {
+                    self.unseen.insert(drive);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn frame(&mut self, scene: &Scene<'_>, _: usize, _: &Transmission, _: &mut Found) {
+        if let Some(drive) = scene.told_status {
+            self.told.insert(drive, scene.now);
+            self.unseen.remove(&drive);
         }
     }
 
@@ -67,7 +91,7 @@ impl Checker for Faulted {
             return;
         }
         for (drive, plant) in scene.plants.iter().enumerate() {
-            if plant.is_powered && obeys(scene, drive) {
+            if plant.is_powered && obeys(scene, drive) && !self.unseen.contains(&drive) {
                 found.violate(NAME, scene, "a drive has power", || {
                     let name = &scene.machine.drives[drive].name;
                     format!("drive {name}, machine {}", scene.state)
