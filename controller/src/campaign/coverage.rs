@@ -189,8 +189,8 @@ impl Coverage {
 pub(super) const SELDOM: u64 = 20;
 
 impl Coverage {
-    /// How often each cell was reached, of all the kinds that there were. A machine that is off takes no
-    /// command.
+    /// How often each cell was reached, of all the kinds that there were. A machine that is off takes no command, and to one that sends
+    /// nothing any more nothing happens.
     #[must_use]
     pub fn cells(&self) -> Vec<(u64, Cell)> {
         let cell = |kind: &String, moment| {
@@ -205,7 +205,7 @@ impl Coverage {
             }
         }
         let phases = self.troubles.values().flat_map(|it| it.keys().copied());
-        let phases: BTreeSet<Phase> = phases.collect();
+        let phases: BTreeSet<Phase> = phases.filter(|it| *it != Phase::Done).collect();
         for (trouble, counts) in &self.troubles {
             for phase in &phases {
                 let count = counts.get(phase).copied().unwrap_or_default();

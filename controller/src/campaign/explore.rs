@@ -122,10 +122,14 @@ impl Explorer {
         let (_, cell) = cells.swap_remove(self.dice.below(cells.len()));
         *self.attempts.entry(cell.clone()).or_default() += 1;
         let cases = self.cases.get(&cell.moment)?;
-        let (case, at) = &cases[self.dice.below(cases.len())];
-        let (mut case, at) = (Case::clone(case), *at);
-        self.put(&mut case, at, &cell)?;
-        Some(case)
+        let first = self.dice.below(cases.len());
+        // Not every machine has what the cell is about.
+        let cases = [&cases[first..], &cases[..first]].concat();
+        cases.into_iter().find_map(|(case, at)| {
+            let mut case = Case::clone(&case);
+            self.put(&mut case, at, &cell)?;
+            Some(case)
+        })
     }
 
     /// Puts into a case what a cell is about, if its machine can have it.

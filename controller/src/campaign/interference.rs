@@ -3,7 +3,7 @@
 
 use super::When;
 use super::dice::{Dice, rounded};
-use super::machine::MachineSpec;
+use super::machine::{EncoderSpec, MachineSpec};
 use crate::bus::{Burst, BusFault, Received, Severity};
 use crate::port::sim::SimPort;
 use crate::port::{Port, PortError};
@@ -360,12 +360,8 @@ pub(super) fn of_kind(dice: &mut Dice, machine: &MachineSpec, kind: &str) -> Opt
     if !switched.is_empty() {
         return Some(switched.swap_remove(dice.below(switched.len())));
     }
-    let drawn = (0..DRAWS).flat_map(|draw| {
-        let what = match draw % 16 {
-            0 => nmt(dice, machine),
-            1 => strange(dice, machine).1,
-            _ => any(dice, machine),
-        };
+    let drawn = (0..DRAWS).flat_map(|_| {
+        let what = one(dice, machine);
         let end = what.end();
         [Some(what), end].into_iter().flatten()
     });
@@ -374,10 +370,12 @@ pub(super) fn of_kind(dice: &mut Dice, machine: &MachineSpec, kind: &str) -> Opt
 }
 
 /// Any one, of those that come at any time and of those that few machines have.
-#[cfg(test)]
 pub(super) fn one(dice: &mut Dice, machine: &MachineSpec) -> Interference {
-    match dice.below(3) {
-        0 => strange(dice, machine).1,
+    match dice.below(16) {
+        0 => nmt(dice, machine),
+        1 => strange(dice, machine).1,
+        2 => wrong_answers(dice, machine),
+        3 => of_a_coupling(dice, machine).unwrap_or_else(|| any(dice, machine)),
         _ => any(dice, machine),
     }
 }
@@ -461,6 +459,15 @@ pub(super) fn answer_wrongly(dice: &mut Dice, machine: &MachineSpec, troubles: &
     if troubles.is_empty() || !dice.chance(0.12) {
         return;
     }
+    let what = wrong_answers(dice, machine);
+    troubles.push(Trouble {
+        at: When::On(dice.whole(0..=300)),
+        what,
+    });
+    troubles.sort_by_key(|trouble| trouble.at);
+}
+
+fn wrong_answers(dice: &mut Dice, machine: &MachineSpec) -> Interference {
     let tampering = Tampering {
         traffic: Traffic::Sdo,
         node: 0,
@@ -468,11 +475,7 @@ pub(super) fn answer_wrongly(dice: &mut Dice, machine: &MachineSpec, troubles: &
         count: *dice.pick(&[1, 1, 2, 10]),
     };
     let bus = dice.below(machine.buses.len());
-    troubles.push(Trouble {
-        at: When::On(dice.whole(0..=300)),
-        what: Interference::Bus(bus, ToBus::Incoming(tampering)),
-    });
-    troubles.sort_by_key(|trouble| trouble.at);
+    Interference::Bus(bus, ToBus::Incoming(tampering))
 }
 
 /// What is wired to inputs is switched on and off.
@@ -508,8 +511,7 @@ pub(super) fn slip(
 ) {
     for (place, encoder) in machine.encoders().enumerate() {
         if dice.chance(0.3) {
-            let allowed = encoder.difference / encoder.pitch;
-            let by = rounded(allowed * dice.between(-3.0, 3.0), 4);
+            let by = slips(dice, encoder);
             troubles.push(Trouble {
                 at: When::draw(dice, cycles),
                 what: Interference::Slip(machine.drives() + place, by),
@@ -517,6 +519,26 @@ pub(super) fn slip(
         }
     }
     troubles.sort_by_key(|trouble| trouble.at);
+}
+
+/// By how many revolutions a coupling slips.
+fn slips(dice: &mut Dice, encoder: &EncoderSpec) -> f64 {
+    let allowed = encoder.difference / encoder.pitch;
+    rounded(allowed * dice.between(-3.0, 3.0), 4)
+}
+
+/// Something that happens to the coupling of an encoder, if the machine has one.
+fn of_a_coupling(dice: &mut Dice, machine: &MachineSpec) -> Option<Interference> {
+    let encoders: Vec<_> = machine.encoders().collect();
+    if encoders.is_empty() {
+        return None;
+    }
+    let place = dice.below(encoders.len());
+    let device = machine.drives() + place;
+    Some(match dice.chance(0.5) {
+        true => Interference::Part(device),
+        false => Interference::Slip(device, slips(dice, encoders[place])),
+    })
 }
 
 /// Couplings of encoders break; of some nobody makes them whole.
