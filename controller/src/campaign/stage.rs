@@ -27,7 +27,7 @@ use syncline_canopen::time::Duration;
 use syncline_drives::bus::Transmission;
 use syncline_drives::model::Increments;
 use syncline_drives::twin::Observation;
-use syncline_drives::world::{DeviceId, Observer};
+use syncline_drives::world::{DeviceId, Observer, World};
 use syncline_gcode::AxisLetter;
 
 /// A machine that is not ready after so long is switched off, and so is one that comes up and down.
@@ -403,35 +403,26 @@ impl<'a> Stage<'a> {
         moved
     }
 
+    /// Does something to a device, if the machine has so many.
+    fn act_on(&mut self, device: usize, act: impl FnOnce(&mut World, DeviceId)) {
+        if let Some(twin) = self.twins.get(device) {
+            act(self.session.timeline().world(), *twin);
+        }
+    }
+
     /// What goes wrong before the next wake-up.
     fn interfere(&mut self, see: &mut dyn FnMut(Seen)) {
         let (on, since) = self.cycles();
         for trouble in due(&mut self.troubles, |trouble| trouble.at.has_come(on, since)) {
-            let timeline = self.session.timeline();
             match &trouble.what {
-                Interference::Drive(drive, what) => {
-                    if let Some(twin) = self.twins.get(*drive) {
-                        timeline
-                            .world()
-                            .device_mut(*twin)
-                            .disturb(what.disturbance());
-                    }
-                }
+                Interference::Drive(device, what) => self.act_on(*device, |world, twin| {
+                    world.device_mut(twin).disturb(what.disturbance());
+                }),
                 Interference::Slip(device, by) => {
-                    if let Some(twin) = self.twins.get(*device) {
-                        timeline.world().slip(*twin, *by);
-                    }
+                    self.act_on(*device, |world, twin| world.slip(twin, *by));
                 }
-                Interference::Part(device) => {
-                    if let Some(twin) = self.twins.get(*device) {
-                        timeline.world().part(*twin);
-                    }
-                }
-                Interference::Join(device) => {
-                    if let Some(twin) = self.twins.get(*device) {
-                        timeline.world().join(*twin);
-                    }
-                }
+                Interference::Part(device) => self.act_on(*device, World::part),
+                Interference::Join(device) => self.act_on(*device, World::join),
                 Interference::Align(axis) => {
                     if !self.align(*axis) {
                         continue;
@@ -439,18 +430,21 @@ impl<'a> Stage<'a> {
                 }
                 Interference::Mended => {
                     for bus in 0..self.case.machine.buses.len() {
-                        timeline.bus(bus).mend();
+                        self.session.timeline().bus(bus).mend();
                     }
                 }
                 Interference::Bus(bus, what) => {
                     if *bus < self.case.machine.buses.len() {
-                        timeline.bus(*bus).trouble(*what);
+                        self.session.timeline().bus(*bus).trouble(*what);
                     }
                 }
                 Interference::Late(micros) => {
-                    timeline.wake_late(Duration::from_micros((*micros).into()));
+                    let late = Duration::from_micros((*micros).into());
+                    self.session.timeline().wake_late(late);
                 }
-                Interference::StarvePlanner(wake_ups) => timeline.starve_planner(*wake_ups),
+                Interference::StarvePlanner(wake_ups) => {
+                    self.session.timeline().starve_planner(*wake_ups);
+                }
             }
             see(Seen::Interfered(trouble.what.clone()));
         }
