@@ -4,7 +4,7 @@ use super::outside::{root, sources};
 use std::fs;
 
 /// The folders that the rule is for.
-const FOLDERS: [&str; 8] = [
+const FOLDERS: [&str; 9] = [
     "gcode/src",
     "trajectory/src/path",
     "controller/src/control",
@@ -13,6 +13,7 @@ const FOLDERS: [&str; 8] = [
     "controller/src/session",
     "controller/src/observe",
     "controller/src/commands",
+    "controller/src/campaign",
 ];
 
 /// Lines of a file.

@@ -427,6 +427,14 @@ impl AxisSpec {
 
     /// As the machine file has it, which says this of models.
     pub(super) fn write(&self, models: &[String], text: &mut String) {
+        self.write_drives(models, text);
+        if let Some(encoder) = &self.encoder {
+            encoder.write(&self.encoder_name(), text);
+        }
+        self.write_axis(text);
+    }
+
+    fn write_drives(&self, models: &[String], text: &mut String) {
         let name = |side: usize| self.drive_name(side);
         for (side, drive) in self.drives.iter().enumerate() {
             let direction = direction(drive.negative);
@@ -458,11 +466,11 @@ impl AxisSpec {
                 wire.write("drive", &name(side), text);
             }
         }
-        if let Some(encoder) = &self.encoder {
-            encoder.write(&self.encoder_name(), text);
-        }
+    }
+
+    fn write_axis(&self, text: &mut String) {
         let names: Vec<String> = (0..self.drives.len())
-            .map(|side| format!("\"{}\"", name(side)))
+            .map(|side| format!("\"{}\"", self.drive_name(side)))
             .collect();
         let (pitch, gear) = match self.is_rotary() {
             true => (360.0, 360.0 / self.travel),
