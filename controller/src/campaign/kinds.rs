@@ -7,7 +7,53 @@ use std::fmt::Debug;
 use strum::VariantNames;
 
 /// What no case meets, and why.
-const NOT_MET: [(&str, &str); 0] = [];
+const NOT_MET: [(&str, &str); 24] = [
+    ("fault: Device NoSyncLock", FOLLOWS),
+    ("fault: Device GuardingUnanswered", NO_SHEETS),
+    (
+        "fault: Device PositionRange",
+        "axes are drawn inside what their drives count",
+    ),
+    ("fault: Axis Unreferenced", BY_RUN),
+    ("fault: Axis Homing", BY_RUN),
+    ("fault: Axis TestMove", NO_TEST_MOVES),
+    ("refusal: Machine Untested", NO_TEST_MOVES),
+    (
+        "fault: Axis SetpointGuard",
+        "it would be a mistake of the controller, which the checkers look for",
+    ),
+    ("fault: Axis LimitSwitch", NO_LIMITS),
+    ("refusal: Machine OnLimit", NO_LIMITS),
+    ("fault: Bus SecondSync", STRANGERS),
+    ("fault: Bus SecondController", STRANGERS),
+    ("fault: Spindle Speed", FREE_SPINDLES),
+    ("fault: Spindle Angle", FREE_SPINDLES),
+    ("fault: Block Probing", NO_PROBES),
+    ("fault: Touched", NO_PROBES),
+    ("fault: Pressed", NO_PROBES),
+    ("refusal: Machine Probing", NO_PROBES),
+    ("fault: Block Thread", NO_THREADS),
+    ("refusal: Machine Threading", NO_THREADS),
+    (
+        "fault: LateWakeUp",
+        "only a run that is to be strict ends with that",
+    ),
+    (
+        "fault: NoPlan",
+        "that comes after 30 s, and planners are starved for less",
+    ),
+    ("refusal: OneProgram", BY_RUN),
+    ("refusal: NotANumber", "operators say numbers"),
+];
+const BY_RUN: &str = "only `run` does so, whose machine does not stay on";
+const FOLLOWS: &str = "the clock of a simulated drive follows SYNC where there is one";
+const FREE_SPINDLES: &str = "nothing holds back the spindles that are drawn";
+const NO_LIMITS: &str = "limit switches are drawn at drives alone";
+const NO_PROBES: &str = "no program probes";
+const NO_SHEETS: &str = "no data sheet is drawn, and so no drive that is guarded";
+const NO_TEST_MOVES: &str = "no axis is drawn that makes a test move first";
+const NO_THREADS: &str = "no program cuts threads";
+const STRANGERS: &str = "frames of strangers are drawn in the name of devices";
 
 /// The kind of a value by its debug text: names of the first two variants, without what they carry.
 pub(super) fn kind(value: &dyn Debug) -> String {
