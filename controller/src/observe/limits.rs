@@ -40,8 +40,8 @@ const ROUNDING: f64 = 1e-9;
 /// A setpoint so far beyond a soft limit, mm, is still on it.
 const BEYOND: f64 = 1e-6;
 
-/// What a correction may be off by, mm: a drive that is sent the mean of two setpoints is sent the mean of their corrections.
-const CORRECTED: f64 = 1e-3;
+/// A row tells of what its drives latched, and of a plan that goes so many cycles further.
+const LATCHED: f64 = 4.0;
 
 /// How far a setpoint that was sent may be from the one that was planned, increments: rounding to the
 /// nearest one.
@@ -137,6 +137,8 @@ pub(super) struct AxisWatches {
     /// What of velocity, acceleration and jerk the plan has: what compensation leaves it.
     planned_limits: [f64; 3],
     compensation: Option<Compensation>,
+    /// Of its lead error, 1/mm, the greatest.
+    curvature: f64,
     coupling: Option<CrossCoupling>,
     max: [f64; WATCHED.len()],
     watches: [Watch; WATCHED.len()],
@@ -258,6 +260,7 @@ impl AxisWatches {
                 axis.limits.jerk,
             ],
             compensation: axis.compensation.clone(),
+            curvature: (axis.compensation.as_ref()).map_or(0.0, |it| it.lead_error.greatest()[2]),
             coupling: axis.cross_coupling,
             max: [0.0; WATCHED.len()],
             watches: Default::default(),
@@ -376,6 +379,7 @@ impl AxisWatches {
         self.squares += following * following;
         self.rows += 1;
         let [velocity, acceleration, jerk] = self.planned.push(row.cycle, position);
+        let rate = velocity;
         let planned = [
             row.plan.velocity[at].abs().max(velocity),
             row.plan.acceleration[at].abs().max(acceleration),
@@ -406,8 +410,8 @@ impl AxisWatches {
         };
         let following = following_error.min(self.following_tolerance);
         let [v, a, j] = self.planned_limits;
-        let flank = 0.5 * (self.compensation.as_ref()).map_or(0.0, |it| it.backlash);
-        let planned = (planned.into_iter()).zip([v, a, j, following, BEYOND, flank + CORRECTED]);
+        let corrected = self.may_be_off(row.plan.velocity[at].abs().max(rate));
+        let planned = (planned.into_iter()).zip([v, a, j, following, BEYOND, corrected]);
         let sent = sent
             .into_iter()
             .zip([velocity, acceleration, jerk, BEYOND, NEAREST, window]);
@@ -440,6 +444,15 @@ impl AxisWatches {
             }
             _ => 0.0,
         }
+    }
+
+    /// How far that may be, mm, of an axis of this speed, mm/s: half of the backlash; and as a drive that is sent the mean of two
+    /// setpoints is sent the mean of their corrections, what a curve that is bent so much is away from a chord of that length.
+    fn may_be_off(&self, speed: f64) -> f64 {
+        let flank = 0.5 * (self.compensation.as_ref()).map_or(0.0, |it| it.backlash);
+        let before = LATCHED * self.limits.acceleration * self.period;
+        let step = (speed + before) * self.period;
+        flank + self.curvature * step * step / 8.0 + BEYOND
     }
 
     /// What is watched of what its drives latched at the row's SYNC: of its sides the greatest.
