@@ -140,6 +140,8 @@ impl<const N: usize> Controller<N> {
                 by_drive.enter(Step::Home);
             }
             Step::Home if quiet && seen && node.still() >= still => {
+                // The first setpoint that it is to follow again is where it stands.
+                node.hold();
                 node.ask_index(how);
                 node.ask_mode_back(how);
                 by_drive.enter(Step::Returning);

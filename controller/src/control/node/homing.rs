@@ -48,9 +48,10 @@ impl DeviceNode {
         self.is_sampled() && !self.status.is_homed
     }
 
-    /// Its setpoint goes along with where it is, up to the first one that it is to follow again.
+    /// Its setpoint goes along with where it is while it moves as it likes. While requests travel it stays as it is: it would
+    /// follow the encoder's noise, and an answer that is in the way of a burst would make it a late one.
     pub(in crate::control) fn go_along(&mut self) {
-        if self.power != PowerCommand::Run {
+        if matches!(self.power, PowerCommand::Home | PowerCommand::Halt) {
             self.hold();
         }
     }
