@@ -1519,6 +1519,70 @@ fn what_is_corrected_by_something_else_is_found() {
     }
 }
 
+/// A backlash beside which it does not count how drives sway, mm.
+const GREAT: f64 = 0.5;
+
+/// An axis that is corrected by what its transmission has, and rests long where it came from either side, as it is seen where its
+/// carriage stands elsewhere.
+#[test]
+fn a_carriage_beside_its_axis_is_found() {
+    let fits = |it: &AxisSpec| {
+        let simulation = it.simulation.as_deref().unwrap_or_default();
+        let has = it.transmission.as_ref().filter(|it| it.soft.is_some());
+        let is_known = it.drives[0].model == "lxm32m"
+            && it.homing.is_none()
+            && it.warmth.is_none()
+            && it.drives.len() == 1;
+        let errors = has.map(|it| &it.errors);
+        is_known
+            && !simulation.contains("gravity")
+            && it.corrected.as_ref().is_some_and(|it| it.backlash > GREAT)
+            && it.corrected.as_ref() == errors
+    };
+    let mut cases = (0..).map(Case::of);
+    let small = cases.find(|case| {
+        case.machine.axes.len() < 3 && case.machine.shaper.is_none() && fits(&case.machine.axes[0])
+    });
+    let mut case = small.unwrap();
+    let axis = case.machine.axes[0].clone();
+    let backlash = axis.corrected.as_ref().unwrap().backlash;
+    let [least, most] = axis.soft_limits;
+    let middle = 0.5 * (least + most);
+    let way = 5.0 * backlash;
+    assert!(backlash > 0.0 && way < most - middle, "{}", case.seed);
+    let line = |at: f64| format!("G1 {}{}", axis.letter, at);
+    let mut program = vec![format!("F{}", 30.0 * axis.velocity)];
+    for at in [middle, middle + way, middle] {
+        program.extend([line(at), "G4 P7".to_owned()]);
+    }
+    program.push("M2".to_owned());
+    case.programs = vec![program];
+    case.deeds.clear();
+    case.troubles.clear();
+    case.patience = Some(10);
+    case.cycles = 26_000_000 / case.machine.cycle_us;
+    let recorded = record(case);
+    let drive = recorded.machine.axes[0].drives[0];
+    let found = |backlashes: f64| {
+        let mut checkers = Checkers::new(&recorded.case, &recorded.machine);
+        for seen in &recorded.seen {
+            let mut seen = seen.clone();
+            if let Seen::Woken(woken) = &mut seen {
+                woken.plants[drive].load_position += backlashes * backlash / axis.travel;
+            }
+            checkers.see(&seen);
+        }
+        let found = checkers.found.0.iter();
+        found
+            .filter(|it| it.what == "a carriage beside its axis")
+            .count()
+    };
+    assert_eq!(found(0.0), 0, "as it is");
+    for backlashes in [0.5, -0.5] {
+        assert!(found(backlashes) > 0, "{backlashes} of its backlash away");
+    }
+}
+
 #[test]
 fn a_seed_is_the_same_twice() {
     for seed in [3, 4] {

@@ -207,6 +207,8 @@ struct Watched {
     direction: Option<f64>,
     /// As far as its drives came that way, mm, counted along it.
     furthest: f64,
+    /// Between which places its drives were since it was planned to go anywhere, mm.
+    been: Option<[f64; 2]>,
     /// How far the drive of its second side was sent beyond that of the first one as it was seen first, mm.
     apart: Option<f64>,
 }
@@ -240,6 +242,8 @@ impl Watched {
 
     /// Its drives have come there, mm.
     fn came(&mut self, drives: f64) {
+        let [least, most] = self.been.unwrap_or([drives; 2]);
+        self.been = Some([least.min(drives), most.max(drives)]);
         if let Some(direction) = self.direction {
             self.furthest = self.furthest.max(direction * drives);
         }
@@ -248,6 +252,11 @@ impl Watched {
     /// How far its drives were beyond where they are sent now, the way it went, mm.
     fn overshot(&self, direction: f64) -> f64 {
         (self.furthest - direction * self.seen[0].1).max(0.0)
+    }
+
+    /// Whether its carriage was pushed, wherever in a play of so many mm it stood at first: until then it stays where that was.
+    fn has_pushed(&self, play: f64) -> bool {
+        self.been.is_some_and(|[least, most]| most - least >= play)
     }
 
     /// Where it is planned to be.
@@ -433,8 +442,13 @@ fn stands_there(
     .abs();
     let wound = axis.drives.iter().map(|drive| wound(scene, *drive, 0.0));
     let allowed = STANDS * resolution + lines + wound.fold(0.0, f64::max);
-    // A drive that overshoots takes its carriage along, which stays there as the drive comes back through the play.
-    let overshot = watched.overshot(direction).min(2.0 * half);
+    // A drive that overshoots takes its carriage along, which stays there as the drive comes back through the play. One that
+    // has just been enabled may have it anywhere there.
+    let play = 2.0 * half;
+    let overshot = match watched.has_pushed(play) {
+        true => watched.overshot(direction).min(play),
+        false => play,
+    };
     let off = direction * (load - watched.planned());
     if !(-allowed..=overshot + allowed).contains(&off) {
         found.violate(NAME, scene, "a carriage beside its axis", || {
