@@ -160,9 +160,9 @@ impl Checker for Encoders {
         }
         if let Interference::Slip(device, by) = what {
             let encoder = device - scene.machine.drives.len();
-            let axis = scene.machine.encoders[encoder].axis;
-            let spec = axis.and_then(|axis| scene.case.machine.axes[axis].encoder.as_ref());
-            self.0[encoder].slipped += by * spec.map_or(0.0, |it| it.pitch);
+            // Of one that counts down as its axis goes up, a slip forwards is one back of the axis.
+            let scaling = &scene.machine.encoders[encoder].scaling;
+            self.0[encoder].slipped += by * scaling.travel_per_revolution();
         }
         let drives = scene.machine.drives.len();
         match what {
