@@ -29,6 +29,8 @@ pub(super) struct Jobs {
     count: u64,
     /// The one that was handed to the timeline and is not over.
     at_work: Option<AtWork>,
+    /// One came to its end, and was not stopped, since the machine's state was told last.
+    came_through: Option<JobKind>,
     /// The program that can be resumed.
     interrupted: Option<Interrupted>,
     /// The line at which the program was asked to begin last, where it has not.
@@ -89,6 +91,7 @@ impl Jobs {
                 .collect(),
             count: 0,
             at_work: None,
+            came_through: None,
             interrupted: None,
             refused_line: None,
             aside: None,
@@ -150,16 +153,21 @@ impl Jobs {
         });
         match at_work {
             Some(_) if machine == State::Ready && shown == State::Stopping => shown,
-            // Stopped where it rested, within a cycle.
+            // Within a cycle it went on to its end, or was stopped where it rested.
             None | Some(AtWork { is_over: true, .. })
                 if machine == State::Ready && shown == State::Held =>
             {
-                State::Stopping
+                self.came_through.map_or(State::Stopping, JobKind::state)
             }
             Some(AtWork { is_over: true, .. }) if machine == State::Held => State::Mdi,
             Some(AtWork { job, .. }) if machine == State::Ready => job.kind.state(),
             _ => machine,
         }
+    }
+
+    /// The machine's state is told.
+    pub(super) fn state_is_told(&mut self) {
+        self.came_through = None;
     }
 
     /// The state in which a command is looked at that comes behind a job which has not begun yet: as if it had.
@@ -449,6 +457,8 @@ impl Jobs {
             return;
         };
         (it.is_over, it.has_moved) = (true, has_moved);
+        let came_through = matches!(outcome, Outcome::Finished | Outcome::Broken);
+        self.came_through = came_through.then_some(it.job.kind);
         let resumable = outcome == Outcome::Stopped && it.job.kind == JobKind::Program;
         if let Some((start, place)) = at.filter(|_| resumable) {
             self.interrupted = Some(Interrupted::new(&it.program, start, place, line));

@@ -604,6 +604,9 @@ impl Desk {
                 self.state = state;
                 self.leave_hold();
                 self.show_state();
+                if let Some(jobs) = &mut self.jobs {
+                    jobs.state_is_told();
+                }
             }
             CycleReport::Event(event) => {
                 self.observers.tell(&event);
