@@ -4,7 +4,7 @@
 //!
 //! Outputs are judged once all devices are known to be of the kind that is expected, as they were started: before that they
 //! are told nothing, and their outputs are as the devices themselves set them. So they are of a device whose control supply
-//! failed, until it is started again. And nobody sees that another master enables a drive that tells nothing of itself, as it is not
+//! failed, until it is set up again. And nobody sees that another master enables a drive that tells nothing of itself, as it is not
 //! in NMT Operational, or there is no SYNC: the next survey does.
 
 use super::super::interference::{Interference, ToBus, ToDrive};
@@ -28,7 +28,8 @@ const SEEN: f64 = 3.0;
 pub(super) struct Faulted {
     /// Its devices were started.
     was_started: bool,
-    /// Those whose control supply has failed since.
+    /// Where the controller was, and the devices whose control supply has failed since it began to set them up.
+    phase: Option<Phase>,
     restarted: Vec<usize>,
     /// By drive: when it said last what it does, and that somebody has enabled it unseen since.
     told: BTreeMap<usize, Instant>,
@@ -80,8 +81,8 @@ impl Checker for Faulted {
 
     fn woken(&mut self, scene: &Scene<'_>, found: &mut Found) {
         // A machine that comes to be disabled before this phase was reached has started none.
-        if scene.phase == Phase::Start {
-            self.was_started = true;
+        self.was_started |= scene.phase == Phase::Start;
+        if self.phase.replace(scene.phase) != Some(Phase::SetUp) && scene.phase == Phase::SetUp {
             self.restarted.clear();
         }
         let rests = matches!(scene.state, State::Faulted | State::Disabled);
