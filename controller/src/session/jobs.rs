@@ -29,7 +29,7 @@ pub(super) struct Jobs {
     count: u64,
     /// The one that was handed to the timeline and is not over.
     at_work: Option<AtWork>,
-    /// One came to its end, and was not stopped, since the machine's state was told last.
+    /// What came to its end and was not stopped, since an order was obeyed or the machine's state was told last.
     came_through: Option<JobKind>,
     /// The program that can be resumed.
     interrupted: Option<Interrupted>,
@@ -165,8 +165,8 @@ impl Jobs {
         }
     }
 
-    /// The machine's state is told.
-    pub(super) fn state_is_told(&mut self) {
+    /// An order was obeyed, or the machine's state was told.
+    pub(super) fn forget_ending(&mut self) {
         self.came_through = None;
     }
 
@@ -457,7 +457,12 @@ impl Jobs {
             return;
         };
         (it.is_over, it.has_moved) = (true, has_moved);
-        let came_through = matches!(outcome, Outcome::Finished | Outcome::Broken);
+        // Behind a program that cannot go on outputs are made safe, as behind a stop; behind a typed line they stay.
+        let came_through = match outcome {
+            Outcome::Finished => true,
+            Outcome::Broken => it.job.kind == JobKind::Mdi,
+            Outcome::Stopped | Outcome::SetAside => false,
+        };
         self.came_through = came_through.then_some(it.job.kind);
         let resumable = outcome == Outcome::Stopped && it.job.kind == JobKind::Program;
         if let Some((start, place)) = at.filter(|_| resumable) {

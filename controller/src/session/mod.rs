@@ -564,6 +564,25 @@ impl Desk {
         }
     }
 
+    /// The cycle has refused the order that waits first.
+    fn refused(&mut self, refusal: control::Refusal) {
+        if let Some(Waiting { issued, what }) = self.waiting.pop_front() {
+            self.first += 1;
+            if let (What::Begin(job, _), Some(jobs)) = (what, &mut self.jobs) {
+                jobs.refused(job);
+                self.forget_remaining();
+            }
+            self.refuse(issued, refusal.into());
+        }
+    }
+
+    /// How a job came to its end tells nothing of what comes from now on.
+    fn forget_ending(&mut self) {
+        if let Some(jobs) = &mut self.jobs {
+            jobs.forget_ending();
+        }
+    }
+
     fn take(&mut self, report: CycleReport) {
         match report {
             CycleReport::Obeyed {
@@ -573,6 +592,7 @@ impl Desk {
             } => {
                 self.functions = functions;
                 self.accept_before(number + 1, cycle);
+                self.forget_ending();
                 // A job that has begun may be held in the very same cycle.
                 self.show_state();
             }
@@ -582,14 +602,7 @@ impl Desk {
                 refusal,
             } => {
                 self.accept_before(number, cycle);
-                if let Some(Waiting { issued, what }) = self.waiting.pop_front() {
-                    self.first += 1;
-                    if let (What::Begin(job, _), Some(jobs)) = (what, &mut self.jobs) {
-                        jobs.refused(job);
-                        self.forget_remaining();
-                    }
-                    self.refuse(issued, refusal.into());
-                }
+                self.refused(refusal);
                 self.show_state();
             }
             CycleReport::JobOver { job, outcome, left } => {
@@ -604,9 +617,7 @@ impl Desk {
                 self.state = state;
                 self.leave_hold();
                 self.show_state();
-                if let Some(jobs) = &mut self.jobs {
-                    jobs.state_is_told();
-                }
+                self.forget_ending();
             }
             CycleReport::Event(event) => {
                 self.observers.tell(&event);
