@@ -283,7 +283,7 @@ impl DeviceCause {
     /// Whether the device may hear no R_PDOs any more: it is silent, or not in Operational, as behind its boot-up, or does not do
     /// what it is told by R_PDO.
     #[must_use]
-    pub(super) fn is_deafness(&self) -> bool {
+    pub(super) fn may_not_hear(&self) -> bool {
         let is_elsewhere = matches!(
             self,
             Self::NmtState { .. } | Self::UnknownNmtState { .. } | Self::Rebooted

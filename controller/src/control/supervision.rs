@@ -202,7 +202,7 @@ impl<const N: usize> Controller<N> {
     pub(super) fn fail(&mut self, fault: Fault) {
         // Also one that says less than another one before has.
         if let Fault::Device(device, cause) = fault
-            && cause.is_deafness()
+            && cause.may_not_hear()
         {
             self.nodes[device].tell_by_sdo();
         }

@@ -40,7 +40,7 @@ const ROUNDING: f64 = 1e-9;
 /// A setpoint so far beyond a soft limit, mm, is still on it.
 const BEYOND: f64 = 1e-6;
 
-/// A row tells of what its drives latched, and of a plan that goes so many cycles further.
+/// The plan of a row is at the most so many cycles ahead of what its drives have latched.
 const LATCHED: f64 = 4.0;
 
 /// How far a setpoint that was sent may be from the one that was planned, increments: rounding to the
@@ -137,7 +137,7 @@ pub(super) struct AxisWatches {
     /// What of velocity, acceleration and jerk the plan has: what compensation leaves it.
     planned_limits: [f64; 3],
     compensation: Option<Compensation>,
-    /// Of its lead error, 1/mm, the greatest.
+    /// The greatest curvature of its lead error, 1/mm.
     curvature: f64,
     coupling: Option<CrossCoupling>,
     max: [f64; WATCHED.len()],
