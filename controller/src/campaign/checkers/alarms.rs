@@ -1,6 +1,7 @@
 //! Every fault is told once, in time and with the right subject; where nothing is wrong, none is.
 
 use super::super::interference::{Interference, ToBus, ToDrive, Traffic};
+use super::super::machine::Wire;
 use super::{Checker, Found, Scene};
 use crate::control::fault::{AxisCause, DeviceCause};
 use crate::control::{self, Fault, Phase, State};
@@ -70,9 +71,7 @@ fn suspects(scene: &Scene<'_>) -> Option<Vec<usize>> {
 /// inputs of programs and operators are switched.
 fn is_borne(scene: &Scene<'_>) -> bool {
     let machine = &scene.case.machine;
-    let stops = |device: usize, place: u8| {
-        machine.has_wire(device, place, |wire| wire.is_enable() || wire.is_home())
-    };
+    let stops = |device: usize, place: u8| machine.has_wire(device, place, Wire::misleads);
     let mut lost = vec![0; machine.nodes().count()];
     let mut all = scene.interferences.iter();
     all.all(|(_, what)| match *what {

@@ -3,8 +3,8 @@
 //! NMT Operational, has to be told otherwise.
 //!
 //! Outputs are judged once all devices are known to be of the kind that is expected, as they were started: before that they
-//! are told nothing, and their outputs are as the devices themselves set them. So they are of a device whose control supply
-//! failed, until it is set up again. And nobody sees that another master enables a drive that tells nothing of itself, as it is not
+//! are told nothing, and their outputs are as the devices themselves set them. So they are of a drive whose control supply
+//! failed, until it is set up again: its outputs have functions of its own then. And nobody sees that another master enables a drive that tells nothing of itself, as it is not
 //! in NMT Operational, or there is no SYNC: the next survey does.
 
 use super::super::interference::{Interference, ToBus, ToDrive};
@@ -28,7 +28,7 @@ const SEEN: f64 = 3.0;
 pub(super) struct Faulted {
     /// Its devices were started.
     was_started: bool,
-    /// Where the controller was, and the devices whose control supply has failed since it began to set them up.
+    /// Where the controller was, and the drives whose control supply has failed since it began to set them up.
     phase: Option<Phase>,
     restarted: Vec<usize>,
     /// By drive: when it said last what it does, and that somebody has enabled it unseen since.
@@ -61,7 +61,9 @@ fn obeys(scene: &Scene<'_>, drive: usize) -> bool {
 impl Checker for Faulted {
     fn interfered(&mut self, scene: &Scene<'_>, what: &Interference, _: &mut Found) {
         match *what {
-            Interference::Drive(device, ToDrive::Reset) => self.restarted.push(device),
+            Interference::Drive(device, ToDrive::Reset) if device < scene.drives.len() => {
+                self.restarted.push(device);
+            }
             Interference::Drive(drive, ToDrive::FoundEnabled) => {
                 let told = self.told.get(&drive);
                 if told.is_none_or(|told| scene.since(*told) > SEEN * scene.period()) {

@@ -39,7 +39,7 @@ mod transitions;
 mod velocities;
 
 pub use scene::{DriveScene, Scene};
-pub use stops::StopTimes;
+pub use stops::{StopTime, StopTimes};
 
 use super::case::Case;
 use super::interference::Interference;

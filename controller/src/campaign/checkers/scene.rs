@@ -594,12 +594,15 @@ impl<'a> Scene<'a> {
                     self.homed_off[*axis] = corrected.half + SWAYS * resolution + went + held;
                 } else {
                     // A switch is tripped by what its drive moves.
-                    let speed = match &spec.homing.method {
-                        HomingMethod::Switch(search) => search.slow_speed,
+                    let wound = match &spec.homing.method {
+                        HomingMethod::Switch(search) => {
+                            let drives = spec.drives.iter();
+                            let wound = drives.map(|it| wound(self, *it, search.slow_speed));
+                            wound.fold(0.0, f64::max)
+                        }
                         _ => 0.0,
                     };
-                    let wound = spec.drives.iter().map(|it| wound(self, *it, speed));
-                    self.homed_off[*axis] = corrected.greatest() + wound.fold(0.0, f64::max);
+                    self.homed_off[*axis] = corrected.greatest() + wound;
                 }
             }
             Event::Machine(
