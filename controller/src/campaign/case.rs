@@ -3,7 +3,7 @@
 
 use super::dice::Dice;
 use super::interference::{self, Interference, ToDrive, Trouble};
-use super::machine::MachineSpec;
+use super::machine::{MachineSpec, Wire};
 use super::operator::{self, Deed};
 use super::program;
 use crate::session::Command;
@@ -194,12 +194,11 @@ impl Case {
     /// nothing wrong, unless the drives may not be enabled then, or an axis is homed by it.
     #[must_use]
     pub fn is_untroubled(&self) -> bool {
-        let misleads = |drive, place| {
-            (self.machine).has_wire(drive, place, |wire| wire.is_enable() || wire.is_home())
-        };
         let disturbs = |trouble: &Trouble| match trouble.what {
             Interference::StarvePlanner(_) => false,
-            Interference::Drive(drive, ToDrive::Input(place, _)) => misleads(drive, place),
+            Interference::Drive(drive, ToDrive::Input(place, _)) => {
+                (self.machine).has_wire(drive, place, Wire::misleads)
+            }
             _ => true,
         };
         !self.troubles.iter().any(disturbs)

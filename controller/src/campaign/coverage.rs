@@ -51,14 +51,14 @@ impl Counts {
         self.0.values().sum()
     }
 
-    /// The number that so many per cent of them are no greater than; 0 of none.
+    /// The least of them that so many per cent of them, or more, are no greater than; 0 of none.
     #[must_use]
     pub fn at(&self, percent: u64) -> u64 {
-        let wanted = self.total().saturating_sub(1) * percent / 100;
-        let mut before = 0;
+        let wanted = (self.total() * percent).div_ceil(100).max(1);
+        let mut so_far = 0;
         let reaches = |(_, count): &(&u64, &u64)| {
-            before += **count;
-            before > wanted
+            so_far += **count;
+            so_far >= wanted
         };
         self.0.iter().find(reaches).map_or(0, |(value, _)| *value)
     }
@@ -285,13 +285,14 @@ impl fmt::Display for Coverage {
         for (what, count) in &self.told {
             writeln!(f, "  {count:>8} {what}")?;
         }
+        let told = |kind: &str| self.told.contains_key(kind);
+        for (what, why) in kinds::told_though(told) {
+            writeln!(f, "  told, though it is said that {why}: {what}")?;
+        }
         writeln!(f, "never told:")?;
-        for (what, why) in kinds::not_told(|kind| self.told.contains_key(kind)) {
-            writeln!(
-                f,
-                "           {what}{}",
-                why.map_or_else(String::new, |why| format!(": {why}"))
-            )?;
+        for (what, why) in kinds::not_told(told) {
+            let why = why.map_or_else(String::new, |why| format!(": {why}"));
+            writeln!(f, "           {what}{why}")?;
         }
         self.seldom(f)?;
         writeln!(f, "from cause to rest, cycles: count; median, 99 %, most:")?;
@@ -299,5 +300,32 @@ impl fmt::Display for Coverage {
             writeln!(f, "  {cause:<12} {:>7}   {cycles}", cycles.total())?;
         }
         self.responses.fmt(f)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_are_those_of_the_numbers_in_their_order() {
+        let mut counts = Counts::default();
+        assert_eq!((counts.total(), counts.at(50)), (0, 0));
+        for value in 1..=50 {
+            counts.add(value);
+        }
+        let mut others = Counts::default();
+        for value in (51..=200).rev() {
+            others.add(value);
+        }
+        others.add(7);
+        counts.merge(others);
+        // 201 numbers, 7 twice.
+        assert_eq!(counts.total(), 201);
+        assert_eq!([0, 50, 99, 100].map(|at| counts.at(at)), [1, 100, 198, 200]);
+        let mut two = Counts::default();
+        two.add(1);
+        two.add(100);
+        assert_eq!([50, 99].map(|at| two.at(at)), [1, 100]);
     }
 }

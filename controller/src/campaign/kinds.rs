@@ -7,13 +7,14 @@ use std::fmt::Debug;
 use strum::VariantNames;
 
 /// What no case meets, and why.
-const NOT_MET: [(&str, &str); 24] = [
+const NOT_MET: [(&str, &str); 25] = [
     ("fault: Device NoSyncLock", FOLLOWS),
     ("fault: Device GuardingUnanswered", NO_SHEETS),
     (
         "fault: Device PositionRange",
         "axes are drawn inside what their drives count",
     ),
+    ("fault: Program", BY_RUN),
     ("fault: Axis Unreferenced", BY_RUN),
     ("fault: Axis Homing", BY_RUN),
     ("fault: Axis TestMove", NO_TEST_MOVES),
@@ -111,6 +112,11 @@ pub(super) fn not_told(told: impl Fn(&str) -> bool) -> Vec<(String, Option<&'sta
     missing.map(|kind| (kind.clone(), reason(&kind))).collect()
 }
 
+/// What was told that no case is said to meet, and why.
+pub(super) fn told_though(told: impl Fn(&str) -> bool) -> Vec<(&'static str, &'static str)> {
+    NOT_MET.into_iter().filter(|(kind, _)| told(kind)).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -147,7 +153,10 @@ mod tests {
         for (kind, reason) in NOT_MET {
             assert!(all.iter().any(|it| it == kind), "{kind}: {reason}");
         }
-        let missing = not_told(|kind| kind != "fault: Program");
-        assert_eq!(missing, [("fault: Program".to_owned(), None)]);
+        let missing = not_told(|kind| kind != "fault: Device NotAtRest");
+        assert_eq!(missing, [("fault: Device NotAtRest".to_owned(), None)]);
+        let not_met = NOT_MET.map(|(kind, _)| kind);
+        assert!(told_though(|kind| kind == "fault: Device NotAtRest").is_empty());
+        assert_eq!(told_though(|kind| kind == not_met[0]), [NOT_MET[0]]);
     }
 }

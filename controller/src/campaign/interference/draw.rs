@@ -188,7 +188,7 @@ pub(in crate::campaign) fn switch_inputs(
     troubles: &mut Vec<Trouble>,
 ) {
     for (drive, wire) in machine.wires().filter(|(_, wire)| wire.is_digital_input()) {
-        let seldom = wire.is_enable() || wire.is_home();
+        let seldom = wire.misleads();
         if !dice.chance(if seldom { 0.2 } else { 0.7 }) {
             continue;
         }

@@ -74,6 +74,12 @@ impl Wire {
         self.meaning == ENABLE
     }
 
+    /// Whether a machine is not what it is taken for where somebody else switches it: its drives may not be enabled without it, or an axis
+    /// is homed by it.
+    pub(in super::super) fn misleads(&self) -> bool {
+        self.is_enable() || self.is_home()
+    }
+
     /// Of a device that the key names.
     pub(super) fn write(&self, key: &str, device: &str, text: &mut String) {
         let Self {
