@@ -8,7 +8,7 @@
 
 use super::super::case::Case;
 use super::super::machine::ErrorSpec;
-use super::scene::{DISTURBED, NOISE, SWAYS};
+use super::scene::{DISTURBED, NOISE, STEEPEST, SWAYS};
 use super::{Checker, Found, Scene};
 use crate::control::{Phase, State};
 use crate::machine::{Machine, Simulation};
@@ -436,10 +436,10 @@ fn stands_there(
     let Some(load) = scene.middle(index, |drive| scene.carriage(drive)) else {
         return;
     };
-    // What is simulated has straight lines between the points.
-    let lines = (on_straight_lines(points, watched.planned())
-        - corrected.curve.at(watched.planned()))
-    .abs();
+    // What is simulated has straight lines between the points: they are those of where the carriage is, which is off by that.
+    let at = watched.planned();
+    let lines = (on_straight_lines(points, at) - corrected.curve.at(at)).abs();
+    let lines = lines / (1.0 - STEEPEST);
     let wound = axis.drives.iter().map(|drive| wound(scene, *drive, 0.0));
     let allowed = STANDS * resolution + lines + wound.fold(0.0, f64::max);
     // A drive that overshoots takes its carriage along, which stays there as the drive comes back through the play. One that

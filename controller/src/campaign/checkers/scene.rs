@@ -33,7 +33,7 @@ pub(super) const DISTURBED: f64 = 4.0;
 /// Low bits of a controlword with which a drive follows what it is sent (CiA 402).
 pub(super) const FOLLOWS: u16 = 0x0F;
 /// By so much of the way a lead error changes at the most, as docs/machine-file.md has it.
-const STEEPEST: f64 = 0.1;
+pub(super) const STEEPEST: f64 = 0.1;
 /// The target velocity, and the position that a drive tells.
 const VELOCITY: u32 = 0x60FF_0020;
 const POSITION: u32 = 0x6064_0020;
