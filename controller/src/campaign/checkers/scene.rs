@@ -88,6 +88,8 @@ pub struct Scene<'a> {
     /// By axis: by how much what drives count may be off what they are sent beyond it, as it was homed: who looks for a switch, or says
     /// where it stands, does not know the flank, mm.
     pub homed_off: Vec<f64>,
+    /// By axis: how far apart its sides stood as somebody set it where it stood, which is square from there on, mm.
+    pub set_apart: Vec<f64>,
     /// By axis: where operators are shown that it is, mm.
     pub shown: Vec<f64>,
     /// By axis: where operators are shown that it is sent, mm.
@@ -258,6 +260,7 @@ impl<'a> Scene<'a> {
             uncertainty: vec![0.0; machine.axes.len()],
             corrected: Corrected::all(case),
             homed_off: vec![0.0; machine.axes.len()],
+            set_apart: vec![0.0; machine.axes.len()],
             shown: Vec::new(),
             commanded: Vec::new(),
             off_path: false,
@@ -590,6 +593,10 @@ impl<'a> Scene<'a> {
                         Some((sent - self.actual(*it)?).abs())
                     });
                     let held = held.fold(0.0, f64::max);
+                    let sides = spec.drives.iter().filter_map(|it| self.actual(*it));
+                    let apart = sides.clone().fold(f64::NEG_INFINITY, f64::max)
+                        - sides.fold(f64::INFINITY, f64::min);
+                    self.set_apart[*axis] = apart;
                     self.set_off[*axis] += corrected.drives(position) - actual;
                     self.homed_off[*axis] = corrected.half + SWAYS * resolution + went + held;
                 } else {

@@ -111,7 +111,8 @@ fn difference(positions: &VecDeque<f64>, stride: usize, order: usize) -> Option<
 }
 
 /// Looks for a position outside of the soft limits. Where an axis is frozen it stands as it was found,
-/// and each side of a gantry keeps its own offset; one that was homed may be beside its place by what that is uncertain.
+/// and each side of a gantry keeps its own offset, also where it was set with its sides apart; one that was homed may be beside its place
+/// by what that is uncertain.
 fn outside(
     scene: &Scene<'_>,
     drive: usize,
@@ -128,6 +129,7 @@ fn outside(
     let aside = limits.skew.unwrap_or(0.0)
         + scene.uncertainty[axis]
         + scene.unknown(axis)
+        + 0.5 * scene.set_apart[axis]
         + 0.5 * coupling.map_or(0.0, |it| it.limit);
     let allowed = limits.standstill + aside + increment;
     if beyond > allowed {
