@@ -35,6 +35,8 @@ struct Watched {
     slipped: f64,
     /// Where it stays as the coupling is broken, mm that what it sees has gone.
     parted: Option<f64>,
+    /// It broke before anything was seen of what moves it.
+    parts: bool,
     /// How far it was off as a drive of its axis learned its place from it, mm.
     learned: f64,
     /// Since when that is more than allowed while axes may move.
@@ -168,9 +170,17 @@ impl Checker for Encoders {
         match what {
             Interference::Part(device) => {
                 let (watched, gone) = (&mut self.0[device - drives], gone(scene, device - drives));
-                watched.parted.get_or_insert(watched.slipped + gone);
+                watched.parts = scene.plants.is_empty();
+                if !watched.parts {
+                    watched.parted.get_or_insert(watched.slipped + gone);
+                }
             }
-            Interference::Join(device) => self.0[device - drives].parted = None,
+            Interference::Join(device) => {
+                (
+                    self.0[device - drives].parted,
+                    self.0[device - drives].parts,
+                ) = (None, false);
+            }
             _ => {}
         }
     }
@@ -210,6 +220,9 @@ impl Checker for Encoders {
             let mut in_time = f64::from(cycles) * scene.period();
             let mut is_compared = true;
             let gone = gone(scene, encoder);
+            if std::mem::take(&mut watched.parts) {
+                watched.parted = Some(watched.slipped + gone);
+            }
             if watched.taught.is_some_and(|last| scene.phase <= last) {
                 // It loses some again while it is held.
                 watched.loses_steps = watched.is_held;
