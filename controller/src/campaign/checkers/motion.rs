@@ -184,7 +184,11 @@ impl Motion {
             let by_encoder = encoder.map_or(0.0, |it| {
                 2.0 * scene.machine.encoders[it.encoder].scaling.resolution()
             });
-            let off = scene.uncertainty[index] + scene.unknown(index);
+            // Sides that are coupled across are sent apart, and it is shown by one of them.
+            let coupled = (axis.cross_coupling).map_or(0.0, |_| {
+                0.5 * apart.iter().fold(0.0_f64, |most, it| most.max(it.abs()))
+            });
+            let off = scene.uncertainty[index] + scene.unknown(index) + coupled;
             let allowed = off + SWAYS * resolution + between + by_encoder;
             let shown = scene.shown[index];
             if shown < least - allowed || shown > most + allowed {
