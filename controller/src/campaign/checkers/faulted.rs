@@ -10,8 +10,7 @@
 use super::super::interference::{Interference, ToBus, ToDrive};
 use super::{Checker, Found, Scene};
 use crate::control::{Phase, State};
-use std::collections::{BTreeMap, BTreeSet};
-use syncline_canopen::Instant;
+use std::collections::BTreeSet;
 use syncline_drives::bus::Transmission;
 
 const NAME: &str = "faulted";
@@ -19,9 +18,6 @@ const NAME: &str = "faulted";
 /// How long that may take in these states, and after what happened last, s: requests by SDO that get no answer are
 /// repeated behind NMT commands.
 const WITHIN: f64 = 2.0;
-
-/// A drive that has not said for so many cycles what it does is not seen.
-const SEEN: f64 = 3.0;
 
 /// See the module.
 #[derive(Default)]
@@ -31,8 +27,7 @@ pub(super) struct Faulted {
     /// Where the controller was, and the drives whose control supply has failed since it began to set them up.
     phase: Option<Phase>,
     restarted: Vec<usize>,
-    /// By drive: when it said last what it does, and that somebody has enabled it unseen since.
-    told: BTreeMap<usize, Instant>,
+    /// Drives that somebody has enabled, and that have not said since what they do.
     unseen: BTreeSet<usize>,
 }
 
@@ -65,10 +60,7 @@ impl Checker for Faulted {
                 self.restarted.push(device);
             }
             Interference::Drive(drive, ToDrive::FoundEnabled) => {
-                let told = self.told.get(&drive);
-                if told.is_none_or(|told| scene.since(*told) > SEEN * scene.period()) {
-                    self.unseen.insert(drive);
-                }
+                self.unseen.insert(drive);
             }
             _ => {}
         }
@@ -76,7 +68,6 @@ impl Checker for Faulted {
 
     fn frame(&mut self, scene: &Scene<'_>, _: usize, _: &Transmission, _: &mut Found) {
         if let Some(drive) = scene.told_status {
-            self.told.insert(drive, scene.now);
             self.unseen.remove(&drive);
         }
     }
