@@ -108,7 +108,7 @@ pub enum ToBus {
     LoseSyncs(u32),
     /// The interface is gone for so many cycles.
     Unplug(u32),
-    /// The adapter reports this, by its place in [`BusFault::ALL`].
+    /// The adapter reports this, by its place in [`BusFault::ALL`](crate::bus::BusFault::ALL).
     Condition(usize),
     /// Frames that come in are tampered with.
     Incoming(Tampering),
