@@ -78,8 +78,7 @@ impl Tracker {
                 if let Some((kind, since)) = self.alone.take() {
                     let passed = scene.now.saturating_since(since).as_nanos();
                     let cycles = passed / scene.machine.cycle.as_nanos();
-                    let response = self.responses.0.entry(kind.to_owned()).or_default();
-                    response.told.add(cycles as u64);
+                    self.responses.of(kind).told.add(cycles as u64);
                     self.told.push((kind, scene.now));
                 }
             }
@@ -99,10 +98,9 @@ impl Tracker {
         }
         let is_first = !earlier.any(|it| is_harm(machine, it)) && !scene.faulted;
         if let Some((overtaken, _)) = self.alone {
-            let response = self.responses.0.entry(overtaken.to_owned()).or_default();
-            response.alone -= 1;
+            self.responses.of(overtaken).alone -= 1;
         }
-        let response = self.responses.0.entry(what.kind().to_owned()).or_default();
+        let response = self.responses.of(what.kind());
         response.came += 1;
         response.alone += u64::from(is_first);
         self.alone = is_first.then_some((what.kind(), scene.now));
@@ -113,8 +111,7 @@ impl Tracker {
         for (kind, at) in self.told {
             let mut faults = stops.0.iter().filter(|it| it.cause == "fault");
             if let Some(stop) = faults.find(|it| it.since == at) {
-                let response = self.responses.0.entry(kind.to_owned()).or_default();
-                response.rests.add(stop.cycles);
+                self.responses.of(kind).rests.add(stop.cycles);
             }
         }
         self.responses
@@ -122,10 +119,15 @@ impl Tracker {
 }
 
 impl Responses {
+    /// What became of troubles of a kind.
+    fn of(&mut self, kind: &str) -> &mut Response {
+        self.0.entry(kind.to_owned()).or_default()
+    }
+
     /// Adds what became of other troubles.
     pub(super) fn merge(&mut self, other: Self) {
         for (kind, other) in other.0 {
-            let mine = self.0.entry(kind).or_default();
+            let mine = self.of(&kind);
             mine.came += other.came;
             mine.alone += other.alone;
             mine.told.merge(other.told);

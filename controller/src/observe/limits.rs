@@ -379,9 +379,9 @@ impl AxisWatches {
         self.squares += following * following;
         self.rows += 1;
         let [velocity, acceleration, jerk] = self.planned.push(row.cycle, position);
-        let rate = velocity;
+        let speed = row.plan.velocity[at].abs().max(velocity);
         let planned = [
-            row.plan.velocity[at].abs().max(velocity),
+            speed,
             row.plan.acceleration[at].abs().max(acceleration),
             row.plan.jerk[at].abs().max(jerk),
             following.abs(),
@@ -410,7 +410,7 @@ impl AxisWatches {
         };
         let following = following_error.min(self.following_tolerance);
         let [v, a, j] = self.planned_limits;
-        let corrected = self.may_be_off(row.plan.velocity[at].abs().max(rate));
+        let corrected = self.may_be_off(speed);
         let planned = (planned.into_iter()).zip([v, a, j, following, BEYOND, corrected]);
         let sent = sent
             .into_iter()

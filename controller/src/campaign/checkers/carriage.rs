@@ -8,7 +8,7 @@
 
 use super::super::case::Case;
 use super::super::machine::ErrorSpec;
-use super::scene::{DISTURBED, NOISE, STEEPEST, SWAYS};
+use super::scene::{DISTURBED, NOISE, STEEPEST, SWAYS, extent};
 use super::{Checker, Found, Scene};
 use crate::control::{Phase, State};
 use crate::machine::{Machine, Simulation};
@@ -371,8 +371,9 @@ fn sent_there(
         None => [-corrected.half, corrected.half],
     };
     let right = watched.seen.iter().map(|it| corrected.drives(it.0));
-    let right = extent(right, flank);
-    let sent = extent(watched.seen.iter().map(|it| it.1), [0.0; 2]);
+    let [least, most] = extent(right);
+    let right = [least + flank[0], most + flank[1]];
+    let sent = extent(watched.seen.iter().map(|it| it.1));
     let allowed = NOISE * resolution + scene.uncertainty[index] + scene.homed_off[index];
     if right[1] < sent[0] - allowed || right[0] > sent[1] + allowed {
         found.violate(NAME, scene, "a correction that the transmission does not ask for", || {
@@ -380,12 +381,6 @@ fn sent_there(
             format!("axis {name} at {planned} mm: its drives are sent to {sent:?}, right is {right:?}, allowed {allowed} off")
         });
     }
-}
-
-/// From the least of these to the greatest, and so much less and more.
-fn extent(all: impl Iterator<Item = f64> + Clone, [less, more]: [f64; 2]) -> [f64; 2] {
-    let least = all.clone().fold(f64::INFINITY, f64::min);
-    [least + less, all.fold(f64::NEG_INFINITY, f64::max) + more]
 }
 
 /// By how much what a drive moves may be away from it against a transmission that gives way, mm: by the friction of its guide, by a weight,

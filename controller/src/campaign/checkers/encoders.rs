@@ -176,10 +176,8 @@ impl Checker for Encoders {
                 }
             }
             Interference::Join(device) => {
-                (
-                    self.0[device - drives].parted,
-                    self.0[device - drives].parts,
-                ) = (None, false);
+                let watched = &mut self.0[device - drives];
+                (watched.parted, watched.parts) = (None, false);
             }
             _ => {}
         }

@@ -4,8 +4,8 @@
 //!
 //! Outputs are judged once all devices are known to be of the kind that is expected, as they were started: before that they
 //! are told nothing, and their outputs are as the devices themselves set them. So they are of a drive whose control supply
-//! failed, until it is set up again: its outputs have functions of its own then. And nobody sees that another master enables a drive that tells nothing of itself, as it is not
-//! in NMT Operational, or there is no SYNC: the next survey does.
+//! failed, until it is set up again: its outputs have functions of its own then. And nobody sees that another master enables
+//! a drive that tells nothing of itself, as it is not in NMT Operational, or there is no SYNC: the next survey does.
 
 use super::super::interference::{Interference, ToBus, ToDrive};
 use super::{Checker, Found, Scene};

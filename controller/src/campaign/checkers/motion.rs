@@ -1,7 +1,7 @@
 //! Nothing moves that is not enabled and commanded, and what moves keeps together: from the plants, which
 //! no drive can misreport.
 
-use super::scene::{AT_REST, DISTURBED, SETTLES, SWAYS};
+use super::scene::{AT_REST, DISTURBED, SETTLES, SWAYS, extent};
 use super::{Checker, Found, Scene};
 use crate::control::{Phase, State};
 use crate::machine::{AxisLimits, Machine};
@@ -185,9 +185,8 @@ impl Motion {
                 2.0 * scene.machine.encoders[it.encoder].scaling.resolution()
             });
             // Sides that are coupled across are sent apart, and it is shown by one of them.
-            let coupled = (axis.cross_coupling).map_or(0.0, |_| {
-                0.5 * apart.iter().fold(0.0_f64, |most, it| most.max(it.abs()))
-            });
+            let coupled =
+                (axis.cross_coupling).map_or(0.0, |_| 0.5 * apart[0].abs().max(apart[1].abs()));
             let off = scene.uncertainty[index] + scene.unknown(index) + coupled;
             let allowed = off + SWAYS * resolution + between + by_encoder;
             let shown = scene.shown[index];
@@ -249,12 +248,6 @@ impl Motion {
 /// Whether axes are where their plan has them.
 fn follows_plan(scene: &Scene<'_>) -> bool {
     matches!(scene.phase, Phase::Program | Phase::Stop)
-}
-
-/// The least and the greatest of them.
-fn extent(all: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
-    let least = all.clone().fold(f64::INFINITY, f64::min);
-    [least, all.fold(f64::NEG_INFINITY, f64::max)]
 }
 
 impl Checker for Motion {

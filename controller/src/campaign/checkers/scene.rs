@@ -204,6 +204,12 @@ impl DriveScene {
     }
 }
 
+/// The least and the greatest of them.
+pub(super) fn extent(all: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
+    let least = all.clone().fold(f64::INFINITY, f64::min);
+    [least, all.fold(f64::NEG_INFINITY, f64::max)]
+}
+
 /// What a drive would count, so many revolutions from its encoder's zero.
 fn count(machine: &Machine, drive: usize, revolutions: f64) -> Increments {
     let spec = &machine.drives[drive];
@@ -593,10 +599,9 @@ impl<'a> Scene<'a> {
                         Some((sent - self.actual(*it)?).abs())
                     });
                     let held = held.fold(0.0, f64::max);
-                    let sides = spec.drives.iter().filter_map(|it| self.actual(*it));
-                    let apart = sides.clone().fold(f64::NEG_INFINITY, f64::max)
-                        - sides.fold(f64::INFINITY, f64::min);
-                    self.set_apart[*axis] = apart;
+                    let [least, most] =
+                        extent(spec.drives.iter().filter_map(|it| self.actual(*it)));
+                    self.set_apart[*axis] = most - least;
                     self.set_off[*axis] += corrected.drives(position) - actual;
                     self.homed_off[*axis] = corrected.half + SWAYS * resolution + went + held;
                 } else {
